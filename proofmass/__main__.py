@@ -5,14 +5,12 @@ import os
 import sys
 from contextlib import suppress
 
+from proofmass.base.errors import BAD_INPUT, INTERRUPTED
+
 SUBSTITUTES = str.maketrans(
     {"✓": "+", "✗": "x", "·": ".", "≈": "~", "–": "-", "−": "-", "×": "x", "…": "...", "→": "->"}
 )
 """Characters of tables and sentences, and what stands for them where they cannot be printed."""
-BAD_INPUT, INTERRUPTED = (
-    2,
-    130,
-)  # exit codes as in `proofmass.commands.command`, which is slow to load
 
 
 def main() -> None:

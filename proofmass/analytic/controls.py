@@ -143,9 +143,9 @@ class Prescribed:
         return cls(poses, rates, profile, break_times(profiles))
 
 
-NO_INDICES, NO_VALUES = np.zeros(0, np.intp), np.zeros(0)
+NO_INDICES, NO_CONTROL_VALUES = np.zeros(0, np.intp), np.zeros(0)
 NO_PRESCRIBED_JOINTS = Prescribed(
-    NO_INDICES, NO_INDICES, lambda t: (NO_VALUES, NO_VALUES, NO_VALUES)
+    NO_INDICES, NO_INDICES, lambda t: (NO_CONTROL_VALUES, NO_CONTROL_VALUES, NO_CONTROL_VALUES)
 )
 """A prescribed motion of no joints."""
 

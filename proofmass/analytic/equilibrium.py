@@ -73,7 +73,7 @@ STOP_ROUNDING = 1e-12
 its stop."""
 STOP_FORCE_ROUNDING = 1e-12
 """Rounding of the force of a stop, as a share of the largest constraint force."""
-RANK_TOLERANCE = 1e-8
+EQUILIBRIUM_RANK_TOLERANCE = 1e-8
 """Share of the largest singular value: rows with smaller singular values depend on other rows."""
 
 
@@ -562,7 +562,9 @@ def inverses_and_null_spaces(rows: Array) -> tuple[Array, Array]:
         The matrices have different ranks.
     """
     left, values, right = np.linalg.svd(rows)
-    ranks = (values > RANK_TOLERANCE * values.max(axis=1, keepdims=True, initial=0.0)).sum(axis=1)
+    ranks = (
+        values > EQUILIBRIUM_RANK_TOLERANCE * values.max(axis=1, keepdims=True, initial=0.0)
+    ).sum(axis=1)
     if np.ptp(ranks):
         raise SingularHere("the rows of loops and drives lose rank on the way")
     rank, right = int(ranks[0]), right.swapaxes(1, 2)

@@ -42,9 +42,9 @@ DEAD_POINT_SHARE = 1e-6
 """Share of the largest motion: a joint that moves less is at a dead point."""
 DRIVE_ROUNDING = 1e-12
 """Rounding of the values of the drives [rad or m]."""
-RANK_TOLERANCE = 1e-9
+STUCK_RANK_TOLERANCE = 1e-9
 """Share of the largest singular value below which stuck joints depend on each other."""
-MAX_EVENTS = 100
+MAX_SLIP_EVENTS = 100
 """Largest number of events between two samples."""
 
 
@@ -117,11 +117,13 @@ class SlipProblem:
         stuck = senses == 0
         stuck_rows, lead, free = self.turn[stuck], self.lead[stuck], self.force.size
         _, sizes, ways = np.linalg.svd(stuck_rows)
-        rank = int((sizes > RANK_TOLERANCE * np.abs(self.turn).max(initial=0.0)).sum())
+        rank = int((sizes > STUCK_RANK_TOLERANCE * np.abs(self.turn).max(initial=0.0)).sum())
         motion = (
-            -np.linalg.lstsq(stuck_rows, lead, rcond=RANK_TOLERANCE)[0] if rank else np.zeros(free)
+            -np.linalg.lstsq(stuck_rows, lead, rcond=STUCK_RANK_TOLERANCE)[0]
+            if rank
+            else np.zeros(free)
         )
-        if np.abs(stuck_rows @ motion + lead).max(initial=0.0) > RANK_TOLERANCE * np.abs(
+        if np.abs(stuck_rows @ motion + lead).max(initial=0.0) > STUCK_RANK_TOLERANCE * np.abs(
             self.lead
         ).max(initial=0.0):
             return None
@@ -234,7 +236,7 @@ class SlipProblem:
             The present and a later state: senses of slipping joints, 0 of stuck ones [1].
         """
         stuck_rows = self.turn[(senses == 0) & (later == 0)]
-        held = np.linalg.pinv(stuck_rows, rcond=RANK_TOLERANCE) @ stuck_rows
+        held = np.linalg.pinv(stuck_rows, rcond=STUCK_RANK_TOLERANCE) @ stuck_rows
         moves = np.abs(self.turn - self.turn @ held).max(axis=1, initial=0.0)
         at_dead_point = moves < DEAD_POINT_SHARE * max(np.abs(self.turn).max(initial=0.0), 1.0)
         return bool((at_dead_point & (senses != 0) & (later == 0)).any())
@@ -258,7 +260,7 @@ def share_friction(stuck_rows: Array, bound: Array, needed: Array) -> Array:
     if not stuck_rows.size:
         return np.zeros(bound.size)
     pushes = (stuck_rows * bound[:, None]).T
-    smallest_shares, _, rank, _ = np.linalg.lstsq(pushes, needed, rcond=RANK_TOLERANCE)
+    smallest_shares, _, rank, _ = np.linalg.lstsq(pushes, needed, rcond=STUCK_RANK_TOLERANCE)
     if rank == 1:  # all frictions act in one direction
         along = pushes[np.abs(pushes).max(axis=1).argmax()]
         smallest_shares = np.sign(along) * (along @ smallest_shares / np.abs(along).sum())
@@ -289,7 +291,7 @@ def minimize_largest_share(matrix: Array, shares: Array) -> Array:
     columns = np.column_stack(
         [matrix[:, at_maximum] @ np.sign(rough[at_maximum]), matrix[:, ~at_maximum]]
     )
-    exact = np.linalg.lstsq(columns, pushed, rcond=RANK_TOLERANCE)[0]
+    exact = np.linalg.lstsq(columns, pushed, rcond=STUCK_RANK_TOLERANCE)[0]
     level = np.sign(rough) * exact[0]
     level[~at_maximum] = exact[1:]
     return np.asarray(level)
@@ -347,7 +349,7 @@ def follow_stick_slip(body: MechanismWithFriction, values: Array) -> None:
         body.enter(problem.choose(body.senses, True))
         margins = body.problem(way).margins(body.senses)
     done = 0.0
-    for _ in range(MAX_EVENTS):
+    for _ in range(MAX_SLIP_EVENTS):
         done = go_to_event(body, begin, way, done, margins)
         if done == 1.0:
             return

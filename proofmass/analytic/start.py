@@ -30,12 +30,12 @@ no rounding of the key, but a wrong number.  References and engines refuse it al
 DRIVE_STAGE = 0.05
 """Longest move of a drive [rad, or extents] from one closed pose to the next on the way to the
 start, short enough to keep the branch."""
-ROUNDING = 1e-15
+START_ROUNDING = 1e-15
 """Size of a step [rad, or extents] below which further ones would be rounding."""
 NEARLY_CLOSED = 1e-10
 """Size of a step [rad, or extents] after which Newton's method gains no more if a step is not
 smaller than the one before it."""
-RANK_TOLERANCE = 1e-10
+START_RANK_TOLERANCE = 1e-10
 """Singular values below this share of the largest belong to dependent constraints."""
 MAX_CLOSING_STEPS = 50
 """Largest number of Newton steps to close the loops; more are never needed near a closed pose."""
@@ -116,7 +116,7 @@ def _least_move(rows: Array, change: Array) -> Array:
     lengths = np.linalg.norm(rows, axis=1)
     lengths[lengths == 0.0] = 1.0
     scaled = rows / lengths[:, None]
-    return np.asarray(np.linalg.lstsq(scaled, change / lengths, rcond=RANK_TOLERANCE)[0])
+    return np.asarray(np.linalg.lstsq(scaled, change / lengths, rcond=START_RANK_TOLERANCE)[0])
 
 
 def _close(mechanism: Constrained, q: Array, target: Array) -> Array:
@@ -128,7 +128,7 @@ def _close(mechanism: Constrained, q: Array, target: Array) -> Array:
             break
         move = _least_move(rows, target - found)
         size = _size(mechanism, move)
-        if size < ROUNDING or (last < NEARLY_CLOSED and not size < last):
+        if size < START_ROUNDING or (last < NEARLY_CLOSED and not size < last):
             return q
         q, last = mechanism.moved(q, move), size
     if not last < NEARLY_CLOSED:
@@ -146,7 +146,7 @@ def _slide(mechanism: Constrained, q: Array, target: Array) -> Array:
     length, size = 1.0, _size(mechanism, slope)
     best, least, worse = q, size, 0
     for _ in range(MAX_SLIDES):
-        if least < ROUNDING or worse == MAX_WORSE_SLIDES:
+        if least < START_ROUNDING or worse == MAX_WORSE_SLIDES:
             break
         there = _close(mechanism, mechanism.moved(q, -length * slope), target)
         new_way, new_slope = _slope(mechanism, there)

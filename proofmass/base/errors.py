@@ -4,6 +4,8 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 
+BAD_INPUT, INTERRUPTED = 2, 130  # exit codes of commands; the second is a shell's own for Ctrl-C
+
 
 class InputError(Exception):
     """A file of the user is wrong; the message says where, what is wrong and what would be right.

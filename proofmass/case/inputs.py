@@ -11,12 +11,12 @@ from typing import Any
 
 from proofmass.base.errors import InputError
 from proofmass.base.files import read_bytes
+from proofmass.base.lines import COMMENT
 
 REFERENCE = b"reference"  # the key that each sidecar has
 SIDECAR_ENDING, MODEL_ENDING = ".toml", ".xml"
 ROOT_ELEMENT = re.compile(rb"<([A-Za-z_][\w.-]*)")
 """The first tag of an XML file that is neither its declaration nor a comment."""
-COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 
 
 def is_sidecar(path: Path) -> bool:

@@ -15,10 +15,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn, cast
 import typer
 from rich.text import Text
 
-from proofmass.base.errors import InputError, suggest_names
+from proofmass.base.errors import BAD_INPUT, INTERRUPTED, InputError, suggest_names
 from proofmass.commands.command import (
-    BAD_INPUT,
-    INTERRUPTED,
     Dask,
     Force,
     Jobs,

@@ -10,12 +10,11 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from proofmass.base.errors import InputError
+from proofmass.base.errors import BAD_INPUT, INTERRUPTED, InputError
 from proofmass.base.files import output_permissions
 
 error_console = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
 SECONDS_BETWEEN_LINES = 10.0  # [s] after which progress without a terminal prints a line again
-BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for Ctrl-C
 
 Jobs = Annotated[
     int | None,

@@ -18,13 +18,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
-from math import ceil, floor, inf, isfinite, isnan, log10, pi
+from math import ceil, floor, inf, isfinite, isnan, log10
 from pathlib import Path
 
 import numpy as np
 from mujoco import MjModel
 
 from proofmass.analytic import spatial
+from proofmass.analytic.numerics import TURN
 from proofmass.analytic.planar import Branch, Mechanism, read, refuse_friction, solve
 from proofmass.analytic.planar.kinematics import count_dof, nearest_pose
 from proofmass.analytic.planar.mechanism import (
@@ -68,7 +69,6 @@ from proofmass.verdict.outcome import Outcome
 
 INSPECTION_SECONDS = 240.0
 """Wall time to compile a model, and to drive its joints or to solve its motion closely [s]."""
-TURN = 2 * pi
 DRIVEN_SHARE = 0.9
 """Share of a joint's distance to its limit position that is driven, to stay before it."""
 MIN_DRIVEN_SHARE = 0.01

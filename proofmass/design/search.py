@@ -28,7 +28,9 @@ from proofmass.base.files import write_output
 
 FACE_SHARES = (0.1, 0.05)
 """Shares of random coordinates that are on their lower, on their upper bound."""
-MIN_DISTANCE = 0.05  # [1] places nearer than this to a better place get no descent of their own
+MIN_EDGE_DISTANCE = (
+    0.05  # [1] places nearer than this to a better place get no descent of their own
+)
 
 
 def scatter_places(count: int, d: int, rng: np.random.Generator) -> Array:
@@ -43,7 +45,7 @@ def scatter_places(count: int, d: int, rng: np.random.Generator) -> Array:
 def distinct_places(places: Array, values: Array, most: int) -> Array:
     """Indices of the best places with finite values, at most `most`, best first.
 
-    Any two of them differ by more than `MIN_DISTANCE` in a coordinate.
+    Any two of them differ by more than `MIN_EDGE_DISTANCE` in a coordinate.
 
     >>> places = np.array([[0.0], [0.01], [0.5], [1.0]])
     >>> distinct_places(places, np.array([3.0, 1.0, 2.0, np.inf]), most=3).tolist()
@@ -52,12 +54,14 @@ def distinct_places(places: Array, values: Array, most: int) -> Array:
     chosen: list[int] = []
     for k in np.argsort(values, kind="stable"):
         gaps = np.abs(places[chosen] - places[k]).max(axis=-1)
-        if len(chosen) < most and np.isfinite(values[k]) and (gaps > MIN_DISTANCE).all():
+        if len(chosen) < most and np.isfinite(values[k]) and (gaps > MIN_EDGE_DISTANCE).all():
             chosen.append(int(k))
     return np.array(chosen, int)
 
 
-DIFFERENCE_STEP = 1e-6  # [1] displacement for finite differences of terms that are exact to 1e-12
+TERM_DIFFERENCE_STEP = (
+    1e-6  # [1] displacement for finite differences of terms that are exact to 1e-12
+)
 DAMPING_FACTORS = np.array([0.1, 1.0, 10.0])  # factors of the damping that are tried in each step
 DAMPING_RISE = 1e3  # factor of the damping if none of the trials is better
 MAX_DAMPING = 1e8
@@ -129,7 +133,7 @@ def trial_places(places: Array, damping: Array, terms: CostTerms) -> Array:
 def linearize(places: Array, terms: CostTerms) -> tuple[Array, Array]:
     """Terms (B, m) and their derivatives (B, d, m), by differences that stay within the cube."""
     count, d = places.shape
-    nudge = np.where(places > 0.5, -DIFFERENCE_STEP, DIFFERENCE_STEP)
+    nudge = np.where(places > 0.5, -TERM_DIFFERENCE_STEP, TERM_DIFFERENCE_STEP)
     displaced = places[:, None] + nudge[..., None] * np.eye(d)
     found = terms(np.concatenate([places[:, None], displaced], axis=1).reshape(-1, d))
     found = found.reshape(count, d + 1, -1)
@@ -138,7 +142,7 @@ def linearize(places: Array, terms: CostTerms) -> tuple[Array, Array]:
 
 EDGE_DISTANCE = 1e-6
 """Distance [1] within which a design that changes one coordinate must be nearly as good."""
-MAX_SLOPE = 1e3
+MAX_ERROR_SLOPE = 1e3
 """Largest rise of the square root of the sum of squares over a distance [1] that is no jump."""
 RETREATS = EDGE_DISTANCE * np.geomspace(2.0, 1e3, 32)
 """Largest changes of coordinates in the random moves off an edge that are tried [1].  Nearly half
@@ -152,7 +156,7 @@ def is_at_edge(places: Array, values: Array, terms: CostTerms) -> NDArray[np.boo
     around = np.clip(places[:, None] + moves, 0.0, 1.0)
     found = residual_norms(terms, around.reshape(-1, d)).reshape(count, -1)
     worst = found.max(axis=-1, initial=-np.inf)
-    return ~np.isfinite(values) | (worst > values + MAX_SLOPE * EDGE_DISTANCE)
+    return ~np.isfinite(values) | (worst > values + MAX_ERROR_SLOPE * EDGE_DISTANCE)
 
 
 def leave_edges(places: Array, values: Array, terms: CostTerms, seed: int) -> tuple[Array, Array]:

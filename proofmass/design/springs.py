@@ -23,7 +23,7 @@ import numpy as np
 
 from proofmass.analytic.balancer.model import balancers
 from proofmass.analytic.balancer.path import along, follow
-from proofmass.analytic.balancer.synthesis import RIGHT_ANGLE, Synthesis
+from proofmass.analytic.balancer.synthesis import LAST_PATH_ANGLE, Synthesis
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
 from proofmass.base.recorded import read_named_rows
@@ -216,7 +216,7 @@ def choose_clock_springs(
     flat = task.variant.parameters(vector[None])
     chain = balancers(**flat)
     angle = np.concatenate([[0.0], task.angles])
-    largest = np.abs(along(chain, follow(chain, RIGHT_ANGLE), angle).moment[0]).max(axis=0)
+    largest = np.abs(along(chain, follow(chain, LAST_PATH_ANGLE), angle).moment[0]).max(axis=0)
     found: list[dict[str, Any]] = []
     for i, moment_at_joint in enumerate(largest * moment, 1):
         k = float(flat[f"stiffness{i}"][0]) * moment

@@ -27,7 +27,9 @@ POSE_ROUNDING = 1e-14
 MISSING_STOP = 10.0
 """Second stop of a joint with only one, beyond all deflections [rad]: MJCF needs two."""
 FORCE_TOLERANCE = 1e-12  # of forces, as a share of the target moment over 1 m
-SLOPE_STEP = 1e-7  # relative change of a length for a slope, which needs no more than one digit
+LENGTH_SLOPE_STEP = (
+    1e-7  # relative change of a length for a slope, which needs no more than one digit
+)
 SOLVERS = default_engines()
 
 
@@ -209,7 +211,7 @@ def force_slope(parameters: Mapping[str, float], first: float) -> float:
     """
     angle = np.linspace(first, np.pi / 2, 91)
     given: dict[str, Any] = dict(parameters)
-    change = SLOPE_STEP * given["length1"]
+    change = LENGTH_SLOPE_STEP * given["length1"]
     try:
         one = solve(angle, **given)
         other = solve(angle, **{**given, "length1": given["length1"] + change})

@@ -40,8 +40,8 @@ from proofmass.sim.engines import NoEngine, engine_of
 from proofmass.sim.mjcf import files_of_model
 from proofmass.sim.numbers import NUMBER_KINDS
 
-KEPT_LETTERS = 40  # of the name of a case; with a key they fit into the 255 bytes of a file's name
-FORMAT_VERSION = 1
+CASE_LETTERS = 40  # of the name of a case; with a key they fit into the 255 bytes of a file's name
+FINDINGS_VERSION = 1
 """Version of the format of the files of findings."""
 FOLDER_VARIABLE = "PROOFMASS_CACHE"
 """Environment variable with the folder of findings; ``~/.cache/proofmass`` if it is not set."""
@@ -194,7 +194,7 @@ def cache_folder() -> Path:
 def coverage_file(case: Case, key: str, folder: Path | None) -> Path:
     """The file of a case's findings."""
     return (
-        (folder or cache_folder()) / "coverage" / f"{case.file.stem[:KEPT_LETTERS]}-{key[:16]}.json"
+        (folder or cache_folder()) / "coverage" / f"{case.file.stem[:CASE_LETTERS]}-{key[:16]}.json"
     )
 
 
@@ -204,7 +204,7 @@ def coverage_key(case: Case) -> str:
     files = set(files_of_model(case.model_path))
     engines = {engine for run in case.run.values() for engine in run.engines}
     parts = {
-        "format": FORMAT_VERSION,
+        "format": FINDINGS_VERSION,
         "sidecar": case.model_dump(mode="json", exclude={"file", "title", "source", "view"}),
         "model": [digest(file.read_bytes()) for file in sorted(files) if file.is_file()],
         "reference": digest_recorded_files(case),
@@ -259,7 +259,7 @@ def read_stored(file: Path) -> StoredFindings:
         The file was not written by proofmass, or changed since.
     """
     if not file.is_file():
-        return StoredFindings(FORMAT_VERSION)
+        return StoredFindings(FINDINGS_VERSION)
     try:
         return STORED_FORMAT.validate_json(read_text(file))
     except ValueError:

@@ -20,7 +20,7 @@ from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import GOOD_OUTCOMES, Outcome
 
 SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
-BAD_INPUT = "bad-input"
+BAD_INPUT_RULE = "bad-input"
 NOTHING_CHECKED = "nothing-checked"
 BAD_OUTCOMES = [outcome for outcome in Outcome if outcome not in GOOD_OUTCOMES]
 
@@ -96,7 +96,7 @@ def rule_id(outcome: str) -> str:
 def rules_of(used: Iterable[str]) -> list[dict[str, Any]]:
     """The SARIF rules with these identifiers."""
     words = {rule_id(outcome): outcome.sentence for outcome in BAD_OUTCOMES}
-    words[BAD_INPUT] = "a file is not usable: its key, line or whole is at fault"
+    words[BAD_INPUT_RULE] = "a file is not usable: its key, line or whole is at fault"
     words[NOTHING_CHECKED] = "a case has no curve that a tolerance covers"
     return [
         {"id": name, "shortDescription": {"text": text}}
@@ -170,7 +170,7 @@ def error_result(error: InputError, lines: LineIndex) -> dict[str, Any]:
         line = int(found_line[1])
     words = f"{error.key}: {error.wrong}" if error.key else error.wrong
     return sarif_result(
-        BAD_INPUT, words, [location(error.file, line)], f"{error.file.name} {error.key}"
+        BAD_INPUT_RULE, words, [location(error.file, line)], f"{error.file.name} {error.key}"
     )
 
 

@@ -54,11 +54,11 @@ def leaves_dof(case: Case) -> bool:
 
 SPATIAL_REFERENCE = "spatial"
 """The reference of models that move in space, whose loops may be over-constrained."""
-MODELS_IN_MEMORY = 64
+MOBILITIES_IN_MEMORY = 64
 """Models whose result is kept in memory; `proofmass explain` compiles thousands."""
 
 
-@lru_cache(MODELS_IN_MEMORY)
+@lru_cache(MOBILITIES_IN_MEMORY)
 def model_dof(model: "MjModel", start: str) -> int:
     """Degrees of freedom of a compiled model, which are computed once for all runs."""
     from proofmass.analytic.planar import read

@@ -53,16 +53,16 @@ CONTROL_UNITS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
 """SI units that the control of a motor or of a servo may have."""
 END_SHARE = 0.01
 """Share of a record by which its last row may miss the stated end of a run, if rows are few."""
-MODELS_IN_MEMORY = 64
+RESULTS_IN_MEMORY = 64
 """Number of compiled models and read curves in memory; a study tries many numbers of rod links."""
-compile_once = lru_cache(MODELS_IN_MEMORY)(lambda file, content, rods: compile_model(file, rods))
+compile_once = lru_cache(RESULTS_IN_MEMORY)(lambda file, content, rods: compile_model(file, rods))
 smooth_terms = lru_cache(8)(SmoothTerms)
-read_recorded_once = lru_cache(MODELS_IN_MEMORY)(
+read_recorded_once = lru_cache(RESULTS_IN_MEMORY)(
     lambda file, content, settings: Recorded(
         read_table(file), RecordingTable.model_validate_json(settings)
     )
 )
-place_once = lru_cache(MODELS_IN_MEMORY)(Recording.place)
+place_once = lru_cache(RESULTS_IN_MEMORY)(Recording.place)
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ from proofmass.batch.check import (
 from proofmass.case.case import Case, RunTable
 from proofmass.report.case_data import rod_vertices
 from proofmass.report.case_figures import (
-    DRAWING_SECONDS,
+    FIGURE_SECONDS,
     compute_motion,
     measured_curves,
     measured_paths,
@@ -75,7 +75,7 @@ GIF_COLOURS = 64  # number of colours in a GIF's palette
 # [pt] room for the mechanism, and dots per inch
 MECHANISM_WIDTH, MECHANISM_HEIGHT, DOTS_PER_INCH = 350.0, 300.0, 80
 # [pt] margins above, below the axis (with the legend), and at the right
-TOP_MARGIN, BOTTOM_MARGIN, RIGHT_MARGIN = 16.0, 40.0, 8.0
+CURVES_TOP_MARGIN, CURVES_BOTTOM_MARGIN, CURVES_RIGHT_MARGIN = 16.0, 40.0, 8.0
 PADDING = 26.0  # [pt] around the mechanism
 MIN_MOTION = 1e-9  # of the mechanism's size: a smaller displacement counts as none
 CLOSED_SHARE = 1e-3  # of a curve's range: a motion with a smaller distance of its ends is closed
@@ -220,7 +220,7 @@ def animate(
         title += f", differences {number(magnify)} times as large"
     try:
         pictures, stopped = call_isolated(
-            draw_frames, case, kind, result, frames, magnify, timeout=DRAWING_SECONDS
+            draw_frames, case, kind, result, frames, magnify, timeout=FIGURE_SECONDS
         )
     except InputError:
         raise
@@ -404,8 +404,8 @@ class AnimationFigure:
         wide, high = (self.scale.high - self.scale.low) * self.scale.points
         size = np.array(
             [
-                max(MARGIN + wide + RIGHT_MARGIN, 300.0),
-                TOP_MARGIN + high + BOTTOM_MARGIN + MARGIN / 2,
+                max(MARGIN + wide + CURVES_RIGHT_MARGIN, 300.0),
+                CURVES_TOP_MARGIN + high + CURVES_BOTTOM_MARGIN + MARGIN / 2,
             ]
         )
         self.figure = Figure(figsize=tuple(size / 72), dpi=DOTS_PER_INCH, facecolor="white")
@@ -413,7 +413,7 @@ class AnimationFigure:
         self.axes = self.figure.add_axes(
             (
                 MARGIN / size[0],
-                (BOTTOM_MARGIN + MARGIN / 2) / size[1],
+                (CURVES_BOTTOM_MARGIN + MARGIN / 2) / size[1],
                 wide / size[0],
                 high / size[1],
             )

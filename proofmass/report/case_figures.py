@@ -31,7 +31,7 @@ from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.sim.motion import Measured, Motion, motion
 from proofmass.sim.picture import Picture
 
-DRAWING_SECONDS = 300.0  # [s] time limit for each drawing of a case
+FIGURE_SECONDS = 300.0  # [s] time limit for each drawing of a case
 RUN_FIGURES = ("overlay", "paths", "difference")
 # poses of the first run, and of another; the page interpolates between them
 FIRST_RUN_POSES, OTHER_RUN_POSES = 121, 73
@@ -96,7 +96,7 @@ def draw_case(
             slug,
             shape,
             papers,
-            timeout=DRAWING_SECONDS,
+            timeout=FIGURE_SECONDS,
         )
     except OSError:  # such as a full disk, on which the other cases would fail as well
         raise
@@ -114,7 +114,7 @@ def draw_case(
 def draw_chart_isolated(case: Case, table: ChartTable, stem: Path, papers: bool) -> Charted:
     """Compute and draw a chart in another process; an error affects this figure only."""
     try:
-        return call_isolated(draw_chart, case, table, stem, papers, timeout=DRAWING_SECONDS)
+        return call_isolated(draw_chart, case, table, stem, papers, timeout=FIGURE_SECONDS)
     except Exception as error:
         return Charted(fault=error)
 
@@ -142,7 +142,7 @@ def find_motions(case: Case, runs: list[PlottedRun]) -> tuple[dict[str, Motion],
                 measured_curves(shown[kind]) if kind in shown else {},
                 OTHER_RUN_POSES if number else FIRST_RUN_POSES,
                 mechanism_jumps(shown[kind]) if kind in shown else [],
-                timeout=DRAWING_SECONDS,
+                timeout=FIGURE_SECONDS,
             )
         except Exception as error:  # an error of a model affects its drawing only
             note = note or ("" if number else str(error))

@@ -43,7 +43,7 @@ from proofmass.report.case_data import (
     runs_data,
     script_json,
 )
-from proofmass.report.case_figures import DRAWING_SECONDS, RUN_FIGURES, Charted, Drawings
+from proofmass.report.case_figures import FIGURE_SECONDS, RUN_FIGURES, Charted, Drawings
 from proofmass.report.data import PlottedRun, all_reached_limits, drive_units, plotted_run
 from proofmass.report.overview import axis_labels, axis_place, overview_table
 from proofmass.report.page import case_facts, case_faults, error_message, slug
@@ -66,7 +66,7 @@ from proofmass.verdict.compare import Comparison
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, FAILED_OUTCOMES, Outcome
 
 MAX_SOURCE_CHARACTERS = 200_000  # [characters] of a sidecar or model that a page shows
-MAX_CAUSES = 3  # number of causes that a panel shows
+SHOWN_CAUSES = 3  # number of causes that a panel shows
 VISIBLE_GROUPS = 4
 """Number of groups that are visible at once; the others are in a list that opens."""
 
@@ -219,7 +219,7 @@ def evaluate_in_worker(
     if beyond:
         return otherwise
     try:
-        return call_isolated(function, case, timeout=DRAWING_SECONDS)
+        return call_isolated(function, case, timeout=FIGURE_SECONDS)
     except (InputError, Crashed, TimedOut, OutOfMemory):
         return otherwise
 
@@ -623,7 +623,7 @@ def cause_panel(cause: SharedCause) -> CausePanel:
 
 def cause_rows(found: Diagnosis) -> tuple[CauseRow, ...]:
     """Return the rows of the causes of a run, and of no change."""
-    rows = tuple(cause_row(found, cause) for cause in found.causes[:MAX_CAUSES])
+    rows = tuple(cause_row(found, cause) for cause in found.causes[:SHOWN_CAUSES])
     unchanged = CauseRow("nothing changed", "", "", "1", axis_place(1.0))
     return (*rows, unchanged) if rows else ()
 

@@ -11,7 +11,7 @@ from proofmass.verdict.outcome import GOOD_OUTCOMES, Outcome
 
 CHANGE_FACTOR = 2.0
 """Errors whose ratio is larger count as changed; on one machine a run repeats all its digits."""
-ROUNDING_SHARE = 1e-12
+ERROR_ROUNDING_SHARE = 1e-12
 """Share of the range up to which an error is rounding, which differs between compilers."""
 MAX_NAMED_CHANGES = 5
 """Number of changes that the line in the terminal names."""
@@ -87,7 +87,7 @@ def channel_change(
         was, is_now = (each.outcome if each else "" for each in (before, now))
         return Change(*where, was, is_now, growth)
     first, second = before.share_of_range, now.share_of_range
-    if first is None or second is None or max(first, second) <= ROUNDING_SHARE:
+    if first is None or second is None or max(first, second) <= ERROR_ROUNDING_SHARE:
         return None
     growth = second / first if first else math.inf
     if 1 / CHANGE_FACTOR <= growth <= CHANGE_FACTOR:

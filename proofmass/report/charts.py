@@ -24,7 +24,7 @@ from proofmass.report.figures import TEXT_BACKGROUND, thin_path
 from proofmass.report.style import INK, MUTED_COLOURS, SOLID, Dash, Look
 from proofmass.report.views import WHITE_EDGES
 
-DASHES: list[Dash] = [
+CHART_DASHES: list[Dash] = [
     (0, (4, 2)),
     (0, (1.2, 1.2)),
     (0, (8, 1.5, 1.2, 1.5)),
@@ -46,7 +46,7 @@ def label_looks(chart: Chart) -> dict[str, Look]:
     return black | {
         label: Look(
             MUTED_COLOURS[k % len(MUTED_COLOURS)],
-            DASHES[k % len(DASHES)],
+            CHART_DASHES[k % len(CHART_DASHES)],
             MARKERS[k % len(MARKERS)],
             k,
         )
@@ -86,7 +86,7 @@ def line_style(line: ChartLine, look: Look) -> dict[str, Any]:
         }
     if line.bars:
         thick = 4.4 if look.number % 2 == 0 else 2.4  # two bars at the same place are both visible
-        width, dash = (thick, SOLID) if line.stable else (1.0, DASHES[0])
+        width, dash = (thick, SOLID) if line.stable else (1.0, CHART_DASHES[0])
         return shared | {
             "linewidth": width,
             "linestyle": dash,
@@ -274,7 +274,7 @@ PANEL_WIDTHS = {1: 4.6, 2: 3.4, 3: 2.7, 4: 2.2}  # [inch] width of a panel, by t
 # height over width of a panel: largest, least, and of charts whose axes have different scales
 MAX_PANEL_RATIO, MIN_PANEL_RATIO, PANEL_RATIO = 1.5, 0.4, 0.72
 # [inch] margins, and room for a colour bar
-LEFT_MARGIN, BOTTOM_MARGIN, TOP_MARGIN, COLOUR_BAR_WIDTH = 0.72, 0.45, 0.3, 0.95
+CHART_LEFT_MARGIN, CHART_BOTTOM_MARGIN, CHART_TOP_MARGIN, COLOUR_BAR_WIDTH = 0.72, 0.45, 0.3, 0.95
 LETTER_WIDTH = 0.066  # [inch] mean width of a letter
 
 
@@ -309,14 +309,17 @@ class Layout:
     @property
     def right(self) -> float:
         """The right end of the panels."""
-        return float(LEFT_MARGIN + self.across * (self.cell[0] + self.gap[0]) - self.gap[0])
+        return float(CHART_LEFT_MARGIN + self.across * (self.cell[0] + self.gap[0]) - self.gap[0])
 
     @property
     def size(self) -> Array:
         """Width and height of the figure."""
         high = self.down * (self.cell[1] + self.gap[1]) - self.gap[1]
         return np.array(
-            [self.right + self.bar + self.key, TOP_MARGIN + self.head + high + BOTTOM_MARGIN]
+            [
+                self.right + self.bar + self.key,
+                CHART_TOP_MARGIN + self.head + high + CHART_BOTTOM_MARGIN,
+            ]
         )
 
 
@@ -334,10 +337,10 @@ def chart_figure(title: str, chart: Chart) -> Figure:
     grid = figure.add_gridspec(
         plan.down,
         plan.across,
-        left=LEFT_MARGIN / wide,
+        left=CHART_LEFT_MARGIN / wide,
         right=plan.right / wide,
-        bottom=BOTTOM_MARGIN / high,
-        top=1 - (TOP_MARGIN + plan.head) / high,
+        bottom=CHART_BOTTOM_MARGIN / high,
+        top=1 - (CHART_TOP_MARGIN + plan.head) / high,
         wspace=plan.gap[0] / plan.cell[0],
         hspace=plan.gap[1] / plan.cell[1],
     )
@@ -363,7 +366,7 @@ def chart_figure(title: str, chart: Chart) -> Figure:
         handlelength=3.0,
         bbox_to_anchor=(
             (plan.right + plan.bar + 0.05) / wide,
-            1 - (TOP_MARGIN + plan.head - 0.1) / high,
+            1 - (CHART_TOP_MARGIN + plan.head - 0.1) / high,
         ),
     )
     return figure

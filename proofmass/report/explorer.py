@@ -42,9 +42,9 @@ Corners are places in the complex plane [m]: a list of numbers and arrays (n,), 
 drawn; or an array, which is drawn as a line."""
 Build = Callable[..., Case]
 """Function of parameters by name that returns the case with a model that has them."""
-DEFAULT_SAMPLES = 121
+EXPLORER_SAMPLES = 121
 # [px] width and height of the panel, width of the mechanism, and margin of the axes
-PANEL_WIDTH, PANEL_HEIGHT, MECHANISM_WIDTH, AXES_MARGIN = 880, 420, 380, 62
+EXPLORER_WIDTH, EXPLORER_HEIGHT, EXPLORED_WIDTH, AXES_MARGIN = 880, 420, 380, 62
 COLOURS = (*("#0072B2", "#D55E00", "#009E73", "#CC79A7"), *MUTED_COLOURS)
 MISSING_IPYWIDGETS = "sliders need ipywidgets: pip install 'proofmass[notebooks]'"
 
@@ -92,7 +92,7 @@ class Explorer:
         *,
         model: Build | None = None,
         run: Kind | None = None,
-        samples: int = DEFAULT_SAMPLES,
+        samples: int = EXPLORER_SAMPLES,
         properties: bool = True,
     ) -> None:
         try:
@@ -217,16 +217,16 @@ class Explorer:
         """Return the whole panel as SVG."""
         words = escape(f"{self.case.name}: {self.caption()}")
         parts = [
-            f'<svg viewBox="0 0 {PANEL_WIDTH} {PANEL_HEIGHT}" width="100%" '
-            f'style="max-width:{PANEL_WIDTH}px" role="img" '
+            f'<svg viewBox="0 0 {EXPLORER_WIDTH} {EXPLORER_HEIGHT}" width="100%" '
+            f'style="max-width:{EXPLORER_WIDTH}px" role="img" '
             f'aria-label="{words}" font-family="sans-serif" font-size="11">'
-            f'<rect width="{PANEL_WIDTH}" height="{PANEL_HEIGHT}" fill="#fff"/>'
+            f'<rect width="{EXPLORER_WIDTH}" height="{EXPLORER_HEIGHT}" fill="#fff"/>'
         ]
         if self.wrong:
             parts.append(f'<text x="12" y="30" fill="#a00">{escape(self.wrong)}</text>')
         else:
             parts += [self.mechanism(), self.words()]
-            high = PANEL_HEIGHT / max(len(self.curves), 1)
+            high = EXPLORER_HEIGHT / max(len(self.curves), 1)
             parts += [self.chart(row, k * high, high) for k, row in enumerate(self.curves)]
         return "".join([*parts, "</svg>"])
 
@@ -260,9 +260,12 @@ class Explorer:
         cloud = cloud[np.isfinite(cloud)]
         low, high = (f(cloud.real) + 1j * f(cloud.imag) for f in (np.min, np.max))
         top = 24 + 14 * len(self.property_texts)
-        across, up = MECHANISM_WIDTH - 40, PANEL_HEIGHT - top - 24
+        across, up = EXPLORED_WIDTH - 40, EXPLORER_HEIGHT - top - 24
         scale = min(across / max((high - low).real, 1e-9), up / max((high - low).imag, 1e-9))
-        middle, centre = (low + high) / 2, MECHANISM_WIDTH / 2 + 1j * (PANEL_HEIGHT - top) / 2 + 12j
+        middle, centre = (
+            (low + high) / 2,
+            EXPLORED_WIDTH / 2 + 1j * (EXPLORER_HEIGHT - top) / 2 + 12j,
+        )
 
         def paper(places: Any) -> Array:
             return np.asarray(np.conj(np.asarray(places) - middle) * scale + centre)
@@ -293,7 +296,7 @@ class Explorer:
         """Return the properties of the mechanism as lines of text below it."""
         rows = self.property_texts.items()
         return "".join(
-            f'<text x="12" y="{PANEL_HEIGHT - 8 - 14 * (len(rows) - 1 - k)}">'
+            f'<text x="12" y="{EXPLORER_HEIGHT - 8 - 14 * (len(rows) - 1 - k)}">'
             f"{escape(f'{name}: {words}')}</text>"
             for k, (name, words) in enumerate(rows)
         )
@@ -309,8 +312,8 @@ class Explorer:
         low, most = low - pad, most + pad
         first, last = self.x[[0, -1]]
         left, right, above, below = (
-            MECHANISM_WIDTH + AXES_MARGIN,
-            PANEL_WIDTH - 12,
+            EXPLORED_WIDTH + AXES_MARGIN,
+            EXPLORER_WIDTH - 12,
             top + 20,
             top + high - 30,
         )

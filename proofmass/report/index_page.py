@@ -46,7 +46,7 @@ from proofmass.verdict.outcome import (
 )
 
 STATIC = ("common.css", "common.js", "index.css", "index.js")
-AXIS_DECADES = (-15, -12, -9, -6, -3, 0)
+INDEX_AXIS_DECADES = (-15, -12, -9, -6, -3, 0)
 MARKER_LETTERS = "osD^"
 """Markers of engines by matplotlib's letters; all engines after the third share the last one."""
 MAX_SENTENCES = 2
@@ -305,7 +305,7 @@ def render_index(
         most=MAX_NAMED_CASES,
         missing=missing,
         groups=grouped,
-        decades=[(axis_place(10.0**d), d) for d in AXIS_DECADES],
+        decades=[(axis_place(10.0**d), d) for d in INDEX_AXIS_DECADES],
         states=Counter(row.state for row in rows),
         checked=sum(row.checked for row in rows),
         channels=sum(row.channels for row in rows),

@@ -25,7 +25,7 @@ from proofmass.report.families import reference_name
 from proofmass.report.page import read_versions
 from proofmass.verdict.compare import Comparison
 
-FORMAT_VERSION = 1
+RECORD_VERSION = 1
 RECORD_NAME = "results.json"
 KEPT_REPORTS = 50
 """Number of reports whose errors are kept."""
@@ -281,7 +281,7 @@ def make_record(result: Result, made: Made | None = None) -> Record:
     """Return the record of a result, without a history."""
     made = made or record_start(inputs=next(iter(result.paths), None))
     return Record(
-        format=FORMAT_VERSION,
+        format=RECORD_VERSION,
         made=made.model_copy(update={"load_end": load_average()}),
         exit_code=result.exit_code,
         cases=[
@@ -356,9 +356,9 @@ def parse_record(text: str) -> Record:
     found = json.loads(text)
     if not isinstance(found, dict) or "format" not in found:
         raise ValueError("it has no format version")
-    if found["format"] != FORMAT_VERSION:
+    if found["format"] != RECORD_VERSION:
         raise ValueError(
-            f"its format version is {found['format']!r}, and {FORMAT_VERSION} is read here"
+            f"its format version is {found['format']!r}, and {RECORD_VERSION} is read here"
         )
     return Record.model_validate(found)
 

@@ -26,7 +26,7 @@ from proofmass.report.words import SYMBOLS
 from proofmass.verdict.refinement import RefinedRow, extrapolated_error, observed_order
 
 # [inch] a panel with its labels, and the legend above
-PANEL_WIDTH, PANEL_HEIGHT, LEGEND_HEIGHT = 2.6, 2.2, 0.42
+REFINEMENT_PANEL_WIDTH, REFINEMENT_PANEL_HEIGHT, LEGEND_HEIGHT = 2.6, 2.2, 0.42
 TRIANGLE_SHARE = 0.35  # of the error: top of the triangle that shows the order
 
 
@@ -35,7 +35,9 @@ def refine_figure(view: PlottedRun, refine: Refine, style: Mapping[str, Look]) -
     found = rows_by_channel(view)
     rows = -(-len(found) // 4)
     width = -(-len(found) // rows)
-    size = np.array([PANEL_WIDTH * width + 0.2, PANEL_HEIGHT * rows + LEGEND_HEIGHT])
+    size = np.array(
+        [REFINEMENT_PANEL_WIDTH * width + 0.2, REFINEMENT_PANEL_HEIGHT * rows + LEGEND_HEIGHT]
+    )
     figure = Figure(figsize=tuple(size))
     for k, (channel, solvers) in enumerate(found.items()):
         ax = figure.add_subplot(rows, width, k + 1)
@@ -46,8 +48,8 @@ def refine_figure(view: PlottedRun, refine: Refine, style: Mapping[str, Look]) -
         right=1 - 0.1 / size[0],
         bottom=0.42 / size[1],
         top=1 - (LEGEND_HEIGHT + 0.22) / size[1],
-        wspace=0.68 / (PANEL_WIDTH - 0.68),
-        hspace=0.68 / (PANEL_HEIGHT - 0.68),
+        wspace=0.68 / (REFINEMENT_PANEL_WIDTH - 0.68),
+        hspace=0.68 / (REFINEMENT_PANEL_HEIGHT - 0.68),
     )
     draw_legend(figure, view, refine, style, size[1])
     return figure

@@ -18,7 +18,7 @@ MAX_BYTES, MIN_POSES = 2400, 12
 A drawing with many points has fewer poses, so that it has this size at most."""
 MAX_OUTLINE_POINTS = 26
 """Largest number of points of an outline; of longer ones, such as rims, some are left out."""
-DRAWING_WIDTH, DRAWING_HEIGHT, MARGIN = 248, 168, 16
+THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT, THUMBNAIL_MARGIN = 248, 168, 16
 """Size and margin of the drawing in whole steps, which fit a byte; the page shows a third of it."""
 MAX_JOINTS = 14  # largest number of joints that are drawn: the signs of more would hide the links
 
@@ -81,7 +81,7 @@ class Thumbnail:
             state = "joint driven" if driven else "joint"
             words.append(f'<g class="{state}" transform="translate({x} {y})">{foot}{sign}</g>')
         return Markup(
-            f'<svg class="thumbnail" viewBox="0 0 {DRAWING_WIDTH} {DRAWING_HEIGHT}" '
+            f'<svg class="thumbnail" viewBox="0 0 {THUMBNAIL_WIDTH} {THUMBNAIL_HEIGHT}" '
             f'data-name="{escape(name)}" aria-hidden="true">{"".join(words)}</svg>'
         )
 
@@ -109,8 +109,8 @@ def reduce_picture(whole: Picture) -> Thumbnail:
     cloud = np.concatenate([points.reshape(-1, 2) for points in everything])
     low, high = np.nanmin(cloud, axis=0), np.nanmax(cloud, axis=0)
     span = np.maximum(high - low, 1e-3 * ((high - low).max() or 1.0))
-    room = np.array([DRAWING_WIDTH, DRAWING_HEIGHT])
-    scale = float(((room - 2 * MARGIN) / span).min())
+    room = np.array([THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT])
+    scale = float(((room - 2 * THUMBNAIL_MARGIN) / span).min())
     middle = 0.5 * (low + high)
 
     def steps(points: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from proofmass.base.wording import number
 from proofmass.case.case import Case
 from proofmass.report.case_data import encode_numbers
-from proofmass.report.changes import CHANGE_FACTOR, ROUNDING_SHARE
+from proofmass.report.changes import CHANGE_FACTOR, ERROR_ROUNDING_SHARE
 from proofmass.report.record import History
 from proofmass.sim.engines import format_solver
 from proofmass.verdict.compare import Comparison
@@ -168,7 +168,7 @@ def format_growth(last: float | None, now: float | None) -> str:
     >>> format_growth(1e-6, 1.2e-5), format_growth(1e-6, 1e-7), format_growth(1e-15, 1e-14)
     ('× 12', '÷ 10', '')
     """
-    if last is None or now is None or max(last, now) <= ROUNDING_SHARE:
+    if last is None or now is None or max(last, now) <= ERROR_ROUNDING_SHARE:
         return ""
     if min(last, now) == 0.0:
         return "from 0" if now else "to 0"

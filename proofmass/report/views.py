@@ -183,13 +183,13 @@ MIN_MARK_DISTANCE = 0.035  # of a panel's width: marks with a smaller distance s
 WHITE_EDGES = [Stroke(linewidth=3.2, foreground="white"), Normal()]  # white edges of lines on areas
 LEGEND_CHARACTERS = 28  # [characters] width of the legend
 # [inch] heights of panels, width of the legend beside them
-PANEL_HEIGHT, LOWER_PANEL_HEIGHT, LEGEND_WIDTH = 2.75, 0.95, 2.35
+VIEW_PANEL_HEIGHT, LOWER_PANEL_HEIGHT, LEGEND_WIDTH = 2.75, 0.95, 2.35
 
 
 def view_figure(view: Viewed, style: Mapping[str, Look]) -> Figure:
     """Draw a panel for each curve, or one for the stack, with a panel below at a finer scale."""
     names = view.view.y or ("",)
-    heights = [PANEL_HEIGHT, LOWER_PANEL_HEIGHT][
+    heights = [VIEW_PANEL_HEIGHT, LOWER_PANEL_HEIGHT][
         : 1 + any(has_lower_panel(view, name) for name in names)
     ]
     width, wide = min(len(names), 3), 4.3 if len(names) == 1 else 3.0

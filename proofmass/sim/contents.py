@@ -14,7 +14,7 @@ from proofmass.sim.protocol.failures import BadModel, Unsupported
 from proofmass.sim.protocol.run import Rod
 from proofmass.sim.rods import format_rod_parts, rod_parts
 
-RANK_TOLERANCE = 1e-4
+INDEPENDENT_SHARE = 1e-4
 """Least part of an equality, as a share of its size, that is independent of the others: a start
 pose whose loops are closed to five digits makes redundant ones seem independent by less."""
 ZERO_FORCE_SHARE = 1e-12
@@ -123,7 +123,7 @@ def mechanism_dof(model: mujoco.MjModel, key: str) -> int:
     rows = rows * np.where(slides, model.stat.extent, 1.0)
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     rows = np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0)
-    rank = np.linalg.matrix_rank(rows, rtol=RANK_TOLERANCE) if rows.size else 0
+    rank = np.linalg.matrix_rank(rows, rtol=INDEPENDENT_SHARE) if rows.size else 0
     return model.nv - int(rank)
 
 

@@ -26,6 +26,7 @@ from proofmass.analytic.contacts import is_mixed
 from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import LARGEST
 from proofmass.base.files import content_key, read_bytes
+from proofmass.base.lines import COMMENT
 from proofmass.base.worker import BROKEN_ENGINES
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.protocol.run import Rod
@@ -57,7 +58,6 @@ DISABLED_FIELDS = {
         "tendon_dampingpoly",
     ),
 }
-COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 ELEMENT = re.compile(r"<(\w+)((?:\s+[\w:.-]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*)\s*/?>")
 ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 FILE_ATTRIBUTE = re.compile(rb"\bfile\w*\s*=\s*([\"'])([^\"'\0]+)\1")

@@ -42,7 +42,7 @@ from proofmass.sim.rods import chain, joint_names
 # weight of a loop's constraint violation relative to measured values; squared 1e-6
 LOOP_WEIGHT = 1e-3
 # share of the largest singular value below which singular values count as zero
-RANK_TOLERANCE = 1e-9
+POSE_RANK_TOLERANCE = 1e-9
 LIMIT_DISTANCE = 1e-3  # [rad, or share of the size] distance at which a joint is drawn on its limit
 ROUNDING = 1e-13  # share of the size, or rad, by which poses may deviate
 NEWTON_STEPS = 4  # number of steps of Newton's method
@@ -413,7 +413,7 @@ class MovingScene(PictureScene):
         driven = [self.model.joint(d.joint).dofadr[0] for d in self.run.drives]
         self.update()
         rows = [np.delete(gauge.read(self.data)[1], driven) for gauge in gauges.values()]
-        return any(np.abs(row).max(initial=0.0) > RANK_TOLERANCE for row in rows)
+        return any(np.abs(row).max(initial=0.0) > POSE_RANK_TOLERANCE for row in rows)
 
     def places(self) -> Array:
         """Position, and angle from the first pose, of each body (bodies, 3)."""
@@ -459,12 +459,14 @@ class MovingScene(PictureScene):
         matrix, scales, lengths = self.rows(gauges)
         gaps = [self.flat(two.reshape(3) - one.reshape(3)) for one, two in self.loops()]
         ways = np.concatenate([off, np.zeros(len(self.run.drives)), *gaps])
-        return np.asarray(lengths * np.linalg.lstsq(matrix, ways / scales, rcond=RANK_TOLERANCE)[0])
+        return np.asarray(
+            lengths * np.linalg.lstsq(matrix, ways / scales, rcond=POSE_RANK_TOLERANCE)[0]
+        )
 
     def moves(self, gauges: Gauges) -> Array:
         """Derivatives of the bodies by the gauges, with closed loops (bodies, 3, gauges)."""
         matrix, scales, lengths = self.rows(gauges)
-        joints = lengths[:, None] * np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) / scales
+        joints = lengths[:, None] * np.linalg.pinv(matrix, rcond=POSE_RANK_TOLERANCE) / scales
         return np.asarray(self.rates() @ joints[:, : len(gauges)])
 
     def loops(self) -> list[tuple[Array, Array]]:

@@ -412,7 +412,7 @@ def distance_to_outline(point: Array, outline: Array) -> float:
     return float(np.linalg.norm(to - share[:, None] * along, axis=1).min())
 
 
-MAX_WORK = 5.0  # largest counted processor time [s] for stepping a motion
+MAX_PICTURE_WORK = 5.0  # largest counted processor time [s] for stepping a motion
 # share of a stride to which a drawing locates the end of a path of equilibria
 DRAWN_STRIDE_SHARE = 1e-3
 
@@ -484,7 +484,7 @@ def drive_poses(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterato
             change(times[k] + 0.5 * step)
             mujoco.mj_step(model, data)
         spent += work.step(data) + PYTHON_STEP
-        if spent >= MAX_WORK or not np.isfinite(data.qpos).all():
+        if spent >= MAX_PICTURE_WORK or not np.isfinite(data.qpos).all():
             raise Unsupported("the motion was not followed to its end")
 
 
@@ -506,11 +506,11 @@ def step_poses(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator
     work, spent, data.time = StepWork(model), 0.0, run.x[0]
     change, half = control_setter(model, data, run), 0.5 * model.opt.timestep
     for moment in run.x:
-        while data.time < moment - half and spent < MAX_WORK:
+        while data.time < moment - half and spent < MAX_PICTURE_WORK:
             change(data.time + half)
             mujoco.mj_step(model, data)
             spent += work.step(data) + PYTHON_STEP
-        if spent >= MAX_WORK or not np.isfinite(data.qpos).all():
+        if spent >= MAX_PICTURE_WORK or not np.isfinite(data.qpos).all():
             raise Unsupported("the free motion was not followed to its end")
         mujoco.mj_kinematics(model, data)
         yield False

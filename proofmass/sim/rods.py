@@ -190,8 +190,10 @@ def check_rod(rod: Rod) -> None:
 
 MAX_JOINT_STEP = 0.1  # [rad] of a Newton step, so that the arc keeps its side
 CLOSURE_TOLERANCE = 1e-12  # constraint violation, over the rod's length
-STRAIGHT_TOLERANCE = 1e-9  # excess length of a straight rod, over the distance of its ends
-MAX_ITERATIONS = 1000  # Newton steps; 2 pi / `MAX_JOINT_STEP` of them turn every joint once around
+STRAIGHT_ROD_TOLERANCE = 1e-9  # excess length of a straight rod, over the distance of its ends
+MAX_CHAIN_ITERATIONS = (
+    1000  # Newton steps; 2 pi / `MAX_JOINT_STEP` of them turn every joint once around
+)
 
 
 def tip_pose(chain: Chain, bends: Array) -> tuple[Array, Array]:
@@ -234,13 +236,13 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
     if target is None:
         return bends
     distance, reach = float(np.hypot(*target[:2])), float(chain.vertices[-1])
-    straight = abs(reach - distance) <= distance * STRAIGHT_TOLERANCE and not (
+    straight = abs(reach - distance) <= distance * STRAIGHT_ROD_TOLERANCE and not (
         rod.turn or chain.springs[0]
     )
     if moving and straight and rod.ends[1] == "pinned":
         bends[0] = np.arctan2(target[1], target[0])
         return bends
-    if reach < distance * (1.0 + STRAIGHT_TOLERANCE) and rod.axial is None:
+    if reach < distance * (1.0 + STRAIGHT_ROD_TOLERANCE) and rod.axial is None:
         raise BadRod(
             rod.name,
             "length",
@@ -250,7 +252,7 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
     if not chain.springs[0]:
         bends[0] += np.arctan2(target[1], target[0]) - np.arctan2(*tip_pose(chain, bends)[0][1::-1])
     constrained = slice(3 if rod.ends[1] == "clamped" else 2)
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(MAX_CHAIN_ITERATIONS):
         place, slopes = tip_pose(chain, bends)
         if np.abs(target - place)[constrained].max() < CLOSURE_TOLERANCE * max(1.0, rod.length):
             return bends
@@ -666,7 +668,7 @@ def start_rates(
         rates = np.zeros(one.lengths.size)
         rest = np.eye(len(wanted)) - by_pins
         matrix = rest @ slopes[:, ~free]
-        matrix[np.abs(matrix) < STRAIGHT_TOLERANCE * one.rod.length] = 0.0  # rounding
+        matrix[np.abs(matrix) < STRAIGHT_ROD_TOLERANCE * one.rod.length] = 0.0  # rounding
         rates[~free] = np.linalg.lstsq(matrix, rest @ wanted, 1e-6)[0]
         rates[free] = np.linalg.pinv(slopes[:, free]) @ (wanted - slopes @ rates)
         found |= {n: float(r) for n, r, j in zip(one.names, rates, one.has_joint, strict=True) if j}

@@ -172,7 +172,7 @@ reference_locks: dict[Path, Lock] = {}
 SHORT_RUN_SECONDS = 0.02
 """Counted time [s] below which a run is made twice and timed the second time: a process needs some
 milliseconds more for the first run."""
-CONSTANT_RANGE = 1e-9
+ROUNDING_RANGE = 1e-9
 """Largest share of the largest range of a unit's curves at which a curve is only rounding."""
 
 
@@ -466,7 +466,7 @@ def channel_distances(
     for name, unit in units.items():
         what = next((kind for kind, known in KIND_UNITS.items() if unit in known), None)
         widest = max(ranges[other] for other in units if units[other] == unit)
-        if what and ranges[name] > CONSTANT_RANGE * widest:
+        if what and ranges[name] > ROUNDING_RANGE * widest:
             yield what, np.abs(two[name] - one[name]) / ranges[name]
 
 

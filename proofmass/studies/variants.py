@@ -283,7 +283,7 @@ def inertial_elements(case: Case) -> list[Element]:
 
 
 STEP_COUNT_ROUNDING = 1e-9  # [steps] by which a number of steps may be below a whole one
-MIN_INTERVALS = 2  # least number of samples after the first one
+MIN_LATER_SAMPLES = 2  # least number of samples after the first one
 
 
 def with_drive_distance(case: Case, distance: float) -> Case:
@@ -331,7 +331,7 @@ def with_whole_steps(case: Case, seconds: float, step: float) -> Case:
     steps_per_sample = max(1, int(seconds / ((run.n or 2) - 1) / step + STEP_COUNT_ROUNDING))
     samples = seconds / (steps_per_sample * step)
     samples = max(
-        MIN_INTERVALS,
+        MIN_LATER_SAMPLES,
         round(samples) if can_be_extended(case) else int(samples + STEP_COUNT_ROUNDING),
     )
     case = case.with_run("dynamics", n=samples + 1)

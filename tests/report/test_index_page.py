@@ -20,12 +20,12 @@ from proofmass.report.pages import file_links, note_on_files, run_table, write_c
 from proofmass.report.record import History, extend_history
 from proofmass.report.study import ShownStudy
 from proofmass.report.thumbnail import (
-    DRAWING_HEIGHT,
-    DRAWING_WIDTH,
     MAX_BYTES,
     MAX_OUTLINE_POINTS,
     MAX_POSES,
     MIN_POSES,
+    THUMBNAIL_HEIGHT,
+    THUMBNAIL_WIDTH,
     reduce_picture,
     thin_outline,
 )
@@ -264,8 +264,8 @@ def test_the_drawing_moves_within_its_frame():
     motions, _ = moved(load_case(shipped("fourbar.toml")), [])
     moving = reduce_picture(motions["sweep"].picture)
     assert moving.points.shape == (MAX_POSES, sum(moving.sizes) + len(moving.joints), 2)
-    assert moving.points[..., 0].max() <= DRAWING_WIDTH
-    assert moving.points[..., 1].max() <= DRAWING_HEIGHT
+    assert moving.points[..., 0].max() <= THUMBNAIL_WIDTH
+    assert moving.points[..., 1].max() <= THUMBNAIL_HEIGHT
     kinds = [(kind, driven, grounded) for kind, driven, grounded in moving.joints]
     assert kinds.count(("hinge", True, True)) == 1  # the joint of the crank
     # a link keeps its length to one unit of the grid at each end, in both directions
@@ -305,7 +305,7 @@ def test_a_rod_that_begins_straight_is_shown_where_it_is_bent():
     moving = reduce_picture(motions["dynamics"].picture)
     begin, shown = moving.points[0].astype(float), moving.points[moving.shown].astype(float)
     assert np.ptp(begin[:, 1]) <= 1
-    assert np.ptp(shown[:, 1]) > DRAWING_HEIGHT / 2
+    assert np.ptp(shown[:, 1]) > THUMBNAIL_HEIGHT / 2
 
 
 def test_the_page_stores_the_points_of_its_drawings(page):

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from proofmass.base.errors import INTERRUPTED
 from proofmass.batch.check import Result, check
 from proofmass.commands import cli
-from proofmass.commands.command import INTERRUPTED
 from proofmass.report.pages import ReportWriter
 from proofmass.report.record import RECORD_NAME, record_start
 from tests.shipped import shipped

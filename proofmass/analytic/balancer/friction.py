@@ -19,22 +19,22 @@ from proofmass.analytic.balancer.path import Path, deflections, rest_posture
 from proofmass.analytic.friction import PathEnds, SlipProblem, follow_stick_slip
 from proofmass.base.arrays import Array
 
-MAX_STRIDE = 0.05
+MAX_SLIP_STRIDE = 0.05
 """Longest move of the pendulum in one stride [rad]."""
 MAX_WAY = 0.01
 """Longest way between two places where the state of the joints is examined [rad]: a joint that
 begins and ends to slip, or to stick, within it is not noticed."""
-MIN_STRIDE = 1e-4
+MIN_SLIP_STRIDE = 1e-4
 """Stride that is not halved any more [rad]: the path has come to a fold."""
-MAX_CORRECTION = 0.05
+MAX_SLIP_CORRECTION = 0.05
 """Largest correction by Newton's method [rad]: a larger one could be another branch."""
-STEP_TOLERANCE = 1e-10
+SLIP_STEP_TOLERANCE = 1e-10
 """Length of the last Newton step [rad]; the error is of the order of its square."""
-MAX_NEWTON_STEPS = 12
+MAX_SLIP_NEWTON_STEPS = 12
 """Largest number of Newton steps."""
-RANK_TOLERANCE = 1e-11
+ROW_RANK_TOLERANCE = 1e-11
 """Share of the largest singular value below which rows depend on others."""
-MIN_RELATIVE_STIFFNESS = 1e-9
+MIN_STABLE_STIFFNESS = 1e-9
 """Smallest stiffness of a stable equilibrium, as a share of the largest."""
 NOTHING_SLIPS = (
     "dry friction holds the whole chain: no joint slips over the angles that are asked for; give "
@@ -100,7 +100,7 @@ class ChainWithFriction:
 
         A stride that fails is halved.
         """
-        to, longest = float(values[0]), MAX_STRIDE
+        to, longest = float(values[0]), MAX_SLIP_STRIDE
         while True:
             kept, way = self.kept(), to - self.alpha
             count = int(np.ceil(abs(way) / longest)) or 1
@@ -108,31 +108,34 @@ class ChainWithFriction:
                 self.stride(self.alpha + way / count if count > 1 else to)
             except PathEnds:
                 longest = 0.5 * abs(way) / count
-                if longest < MIN_STRIDE:
+                if longest < MIN_SLIP_STRIDE:
                     raise
                 self.back(kept)
                 continue
             if count == 1:
                 return
-            longest = min(1.5 * longest, MAX_STRIDE)
+            longest = min(1.5 * longest, MAX_SLIP_STRIDE)
 
     def stride(self, alpha: float) -> None:
         """Find the equilibrium at an angle by Newton's method, from the end of the tangent."""
         _, matrix, alpha_derivative = self.system()
         tangent_step = -self.solve_linear(matrix, alpha_derivative) * (alpha - self.alpha)
         self.alpha, moved = alpha, 0.0
-        for step in (tangent_step, *[None] * MAX_NEWTON_STEPS):
+        for step in (tangent_step, *[None] * MAX_SLIP_NEWTON_STEPS):
             if step is None:
                 residual, matrix, _ = self.system()
                 step = -self.solve_linear(matrix, residual)
                 moved += np.abs(step[: self.psi.size]).max()
             self.psi = self.psi + step[: self.psi.size]
             self.pull = self.pull + step[self.psi.size : self.psi.size + 2]
-            if step is not tangent_step and np.abs(step[: self.psi.size]).max() < STEP_TOLERANCE:
+            if (
+                step is not tangent_step
+                and np.abs(step[: self.psi.size]).max() < SLIP_STEP_TOLERANCE
+            ):
                 break
         else:
             moved = np.inf
-        if not (moved < MAX_CORRECTION and self.stable()):
+        if not (moved < MAX_SLIP_CORRECTION and self.stable()):
             raise PathEnds(
                 f"at {np.degrees(alpha):.4f} deg the equilibrium ends at a fold, where the chain "
                 "jumps"
@@ -171,14 +174,14 @@ class ChainWithFriction:
 
     def solve_linear(self, matrix: Array, right: Array) -> Array:
         """Solve by the smallest solution, since the rows of stuck joints may be dependent."""
-        return np.asarray(np.linalg.lstsq(matrix, right, rcond=RANK_TOLERANCE)[0], float)
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=ROW_RANK_TOLERANCE)[0], float)
 
     def stable(self) -> bool:
         """Whether the energy has a minimum in the motions that stuck joints leave free."""
         _, _, _, stiffness, loop = self.slopes()
         free_motions = null_space(np.vstack([loop, self.turns[self.stuck]]))
         least = np.linalg.eigvalsh(free_motions @ stiffness @ free_motions.T).min(initial=np.inf)
-        return bool(least > MIN_RELATIVE_STIFFNESS * np.abs(stiffness).max())
+        return bool(least > MIN_STABLE_STIFFNESS * np.abs(stiffness).max())
 
     def problem(self, way: Array) -> SlipProblem:
         """Set up the present equilibrium in coordinates of its free motions, without friction."""
@@ -220,7 +223,7 @@ class ChainWithFriction:
 def null_space(rows: Array) -> Array:
     """Basis of the null space of rows (free, n): the motions that the constraints leave free."""
     _, sizes, ways = np.linalg.svd(rows)
-    return np.asarray(ways[int((sizes > RANK_TOLERANCE * sizes.max()).sum()) :])
+    return np.asarray(ways[int((sizes > ROW_RANK_TOLERANCE * sizes.max()).sum()) :])
 
 
 def follow_with_friction(b: Balancer, friction: Array, alpha: Array) -> tuple[Path, Array]:

@@ -32,13 +32,13 @@ from proofmass.analytic.balancer.model import Balancer
 from proofmass.base.arrays import Array
 
 Indices = NDArray[Any]
-STEP_TOLERANCE = 1e-9
+PATH_STEP_TOLERANCE = 1e-9
 """Length of the last Newton step [rad]; the error is of the order of its square."""
 MAX_NEWTON_STEPS = 12
 """Largest number of Newton steps."""
 MAX_STRIDE = 0.1
 """Largest stride of the pendulum between two nodes of a path [rad]."""
-MIN_STRIDE = 1e-7
+MIN_PATH_STRIDE = 1e-7
 """Stride that is not halved any more [rad]: the path has come to a fold."""
 MAX_CORRECTION = 0.03
 """Largest correction by Newton's method [rad]: a larger one could be another branch."""
@@ -162,7 +162,7 @@ def find_equilibria(b: Balancer, p: Point) -> tuple[Point, Array]:
         unknowns[active] += step
         size = np.abs(step[:, : b.segments]).max(axis=-1)
         moved[active] += size
-        active = active[~(size < STEP_TOLERANCE)]
+        active = active[~(size < PATH_STEP_TOLERANCE)]
         if not active.size:
             break
         active = active[moved[active] < 2.0]
@@ -380,7 +380,7 @@ class PathFollower:
     def shorten(self, k: Indices) -> None:
         """Halve the strides of some paths; end those that have come to a fold."""
         self.stride[k] /= 2
-        for i in k[self.stride[k] < MIN_STRIDE]:
+        for i in k[self.stride[k] < MIN_PATH_STRIDE]:
             self.end(i, "the equilibrium ends at a fold, where the chain jumps")
 
     def end(self, i: int, why: str) -> None:

@@ -259,7 +259,7 @@ MIN_ELBOW_SINE = 0.02
 """Smallest sine of the last joint's angle: a straighter elbow can flip."""
 COARSE_ELBOW_FACTOR = 1.25
 """Factor of `MIN_ELBOW_SINE` at few points: between them the elbow may be straighter."""
-RIGHT_ANGLE = np.pi / 2 + 1e-9
+LAST_PATH_ANGLE = np.pi / 2 + 1e-9
 """Last angle of a path [rad]: more than pi/2, so that rounding does not end it before."""
 SPREAD_PENALTY = 30.0
 """Penalty factor of the excess over a limit of the spread."""
@@ -388,7 +388,7 @@ class Synthesis:
         energy = np.full((len(vectors), angle.size, n), np.nan)
         if buildable.size:
             with np.errstate(all="ignore"):  # beyond the end of a path all values are NaN
-                path = along(chains, follow(chains, RIGHT_ANGLE), angle)
+                path = along(chains, follow(chains, LAST_PATH_ANGLE), angle)
                 last, before = path.theta[..., -1], path.theta[..., -2]
                 accepted = (self.variant.mode * np.sin(last - before) > min_sine).all(axis=-1)
             moment[buildable[accepted]] = balancing_moment(chains, path)[accepted]

@@ -11,7 +11,7 @@ from proofmass.base.arrays import Array
 
 MIN_AMPLITUDE_SHARE = 1e-9
 """Smallest amplitude, as a share of the block's angle alpha; below it the block rests."""
-MAX_IMPACTS = 100_000
+MAX_ROCKING_IMPACTS = 100_000
 """Largest number of impacts that are computed."""
 
 
@@ -67,7 +67,7 @@ def solve(
     Raises
     ------
     ValueError
-        A parameter out of its domain, a negative time, or more than `MAX_IMPACTS` impacts.
+        A parameter out of its domain, a negative time, or more than `MAX_ROCKING_IMPACTS` impacts.
 
     Notes
     -----
@@ -176,9 +176,10 @@ def _half_cycles(
     """Amplitudes [rad] of the half cycles, times [s] of the amplitudes and of the impacts after."""
     amplitudes, peaks, ends = [abs(tilt)], [0.0], [_time_to_impact(alpha, abs(tilt), p_squared)]
     while ends[-1] <= until:
-        if len(ends) > MAX_IMPACTS:
+        if len(ends) > MAX_ROCKING_IMPACTS:
             raise ValueError(
-                f"the block hits the floor more than {MAX_IMPACTS} times until {until:.6g} s"
+                f"the block hits the floor more than {MAX_ROCKING_IMPACTS} times "
+                f"until {until:.6g} s"
             )
         before = amplitudes[-1]
         # cos(alpha - A) - cos(alpha) = 2 sin(alpha - A/2) sin(A/2), times r^2 after the impact

@@ -250,7 +250,7 @@ class FreeMechanism:
             )
             m = replace(self.m, couplings=(*self.m.couplings, *rests))
             rows = scaled_jacobian(m, q[None])[0]
-            if np.linalg.matrix_rank(rows, tol=RANK_TOLERANCE) < len(rows):
+            if np.linalg.matrix_rank(rows, tol=MOTION_RANK_TOLERANCE) < len(rows):
                 names = ", ".join(stop.joint for stop in held)
                 raise Overconstrained(f"joints rest on stops that are not independent: {names}")
             self.resting[held] = m
@@ -327,7 +327,7 @@ def states_in_step(
     return lambda time: chart.motion(dense_output()(time), time)[:3]
 
 
-RANK_TOLERANCE = 1e-8
+MOTION_RANK_TOLERANCE = 1e-8
 """Singular values, in `Mechanism.scale`, below which rows of loops and stops count as dependent."""
 STEPS_WITHOUT_DOF = 256
 """Number of steps of a motion in which stops and drives leave no degree of freedom."""

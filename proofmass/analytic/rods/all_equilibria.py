@@ -109,7 +109,7 @@ def bending_allowance(alpha: Array, mode: int) -> Array:
 
 MAX_BOUND_RATIO = 1.1  # largest ratio of the bound of boxes to the largest bound of single poses
 FIRST_EDGE = 0.1  # edge of the first boxes, over the length of the shortest rod
-MAX_HALVINGS = 8  # times that boxes are halved before no bound is found
+MAX_BOX_HALVINGS = 8  # times that boxes are halved before no bound is found
 BOXES_AT_ONCE = 20_000  # boxes whose motions are found in one batch
 BOUND_MAX_ALPHA = 300.0  # alpha up to which `bound_by_boxes` looks for a bound
 SLACK_VALUES = np.geomspace(0.01, 2.0, 400)  # s_i of a table; less counts as none
@@ -169,7 +169,7 @@ def bound_by_boxes(s: RodState, modes: Sequence[int], enough: float = np.inf) ->
     True
     """
     boxes, max_alpha_of_poses = first_boxes(s), 0.0
-    for _ in range(MAX_HALVINGS):
+    for _ in range(MAX_BOX_HALVINGS):
         boxes = with_best_motions(s, boxes)
         alone, reached = alpha_limits(s, boxes, modes, whole=False)
         max_alpha_of_poses = max(max_alpha_of_poses, alone[reached].max(initial=0.0))
@@ -653,10 +653,10 @@ def is_near_equilibrium(
     return np.asarray((np.hypot(x, y) < near * size) & (turn < MAX_FIRST_STEP[1] * size))
 
 
-MAX_STEPS = 30  # Newton steps of a start; most starts that converge take less than ten
-MAX_STEP = 1.0  # longest step of alpha, of q, of phi and of P [L]
-MAX_STEP_SHARE = 0.3  # longest step of a large alpha, over alpha
-STEP_TOLERANCE = 1e-11  # length of the last step; the error after it is its square
+MAX_START_STEPS = 30  # Newton steps of a start; most starts that converge take less than ten
+MAX_START_STEP = 1.0  # longest step of alpha, of q, of phi and of P [L]
+MAX_ALPHA_SHARE = 0.3  # longest step of a large alpha, over alpha
+START_STEP_TOLERANCE = 1e-11  # length of the last step; the error after it is its square
 MIN_ALPHA = 1e-3  # least alpha: below it the rod is straight for every q
 MAX_ITERATE = 340.0  # largest alpha and q, where k' = sech(q) is 1e-147
 SINGULAR_DETERMINANT = 1e-200  # determinant at or below which a matrix counts as singular
@@ -715,12 +715,12 @@ def solve_starts(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
     k, p = s.assembly.rods, s.assembly.dof
     x = np.concatenate([chart.reshape(2 * k, -1), pose[:p]])
     active, converged = np.arange(x.shape[1]), np.zeros(x.shape[1], bool)
-    for _ in range(MAX_STEPS):
+    for _ in range(MAX_START_STEPS):
         step = solve_linear(*newton_system(s, *split_unknowns(x[:, active], k))).T
         size = step_lengths(s, x[:, active], step).max(axis=0)
         x[:, active] -= step / np.maximum(size, 1.0)
         x[: 2 * k : 2] = np.maximum(x[: 2 * k : 2], MIN_ALPHA)
-        converged[active] = size < STEP_TOLERANCE
+        converged[active] = size < START_STEP_TOLERANCE
         active = active[np.isfinite(size) & ~converged[active] & is_in_range(x[:, active], k)]
         if not active.size:
             break
@@ -730,17 +730,17 @@ def solve_starts(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
 def step_lengths(s: RodState, x: Array, step: Array) -> Array:
     """Lengths of Newton steps (2 k + p, n) as shares of the longest step that is allowed.
 
-    A large alpha may change by `MAX_STEP_SHARE` of itself, if q changes with it so that the loops
+    A large alpha may change by `MAX_ALPHA_SHARE` of itself, if q changes with it so that the loops
     keep their places.  The length of a step of q is therefore that of the change of alpha - n K,
     where n K is the multiple next to the clamp and K = q + ln 2.
     """
     k = s.assembly.rods
     alpha, q = x[: 2 * k : 2], x[1 : 2 * k : 2]
     nearest = 2.0 * np.floor(0.5 * alpha / ellipkm1(1.0 / np.cosh(q) ** 2)) + 1.0
-    size = np.abs(step) / MAX_STEP
+    size = np.abs(step) / MAX_START_STEP
     size[2 * k : 2 * k + 2] /= s.assembly.scale[0]
     size[1 : 2 * k : 2] = np.abs(step[: 2 * k : 2] - nearest * np.sign(q) * step[1 : 2 * k : 2])
-    size[: 2 * k : 2] /= np.maximum(1.0, MAX_STEP_SHARE * alpha)
+    size[: 2 * k : 2] /= np.maximum(1.0, MAX_ALPHA_SHARE * alpha)
     return size
 
 
@@ -801,7 +801,7 @@ def count_negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
 
 
 SOLUTION_TOLERANCE = 1e-6  # largest difference of tips, loads and moments of one equilibrium
-MIN_POSES = 2000  # least number of poses of the lattice
+MIN_LATTICE_POSES = 2000  # least number of poses of the lattice
 MAX_LATTICE_ALPHA = 20.0  # alpha up to which starts are taken from the lattice of poses
 MIN_DRAWN_ALPHA = 12.0  # alpha from which starts are drawn if loads may exceed `MAX_LATTICE_ALPHA`
 
@@ -887,7 +887,7 @@ def solutions(
     load: ArrayLike = 0.0,
     modes: int | Sequence[int] = 1,
     most_load: float | None = None,
-    poses: int = MIN_POSES,
+    poses: int = MIN_LATTICE_POSES,
 ) -> Solutions:
     r"""All equilibria whose rods have up to given numbers of inflections.
 

@@ -20,7 +20,7 @@ MAX_Q_FREE = 12.0  # artanh k of a free column under the largest load
 MAX_Q_PINNED = 1.2  # artanh k of a pinned column, with the pin at a third of the length
 MAX_Q_IMPERFECT = 2.0  # artanh k of an imperfect column
 STRAIGHT_POINTS = 2001  # points of the straight column's line: critical loads lie in narrow gaps
-NEWTON_STEPS = 30  # steps of Newton's method, each no longer than `MAX_ALPHA_STEP`
+BUCKLING_NEWTON_STEPS = 30  # steps of Newton's method, each no longer than `MAX_ALPHA_STEP`
 MAX_ALPHA_STEP = 0.1  # longest step of alpha
 
 
@@ -156,7 +156,7 @@ def pinned_column_chart(mode: int) -> tuple[Array, Array]:
     """alpha and q of rods whose tips are on the clamp's tangent, from the straight rod on."""
     q = np.linspace(1e-3, MAX_Q_PINNED, 161)
     alpha = pinned_waves()[mode - 1] * complete_integrals(1.0 / np.cosh(q))[0] * 2.0 / np.pi
-    for _ in range(NEWTON_STEPS):
+    for _ in range(BUCKLING_NEWTON_STEPS):
         rod = rods_of_chart(alpha, q)
         alpha = alpha - np.clip(
             rod.tip.imag / rod.tip_slope[0].imag, -MAX_ALPHA_STEP, MAX_ALPHA_STEP

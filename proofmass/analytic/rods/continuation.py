@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from proofmass.analytic.rods.equilibrium import (
-    ROUNDING,
-    STEP_TOLERANCE,
+    RESIDUAL_ROUNDING,
+    ROD_STEP_TOLERANCE,
     Columns,
     RodState,
     check_square,
@@ -24,13 +24,13 @@ from proofmass.analytic.rods.equilibrium import (
 )
 from proofmass.base.arrays import Array
 
-MAX_STRIDE = 0.5  # first and largest stride, in sizes of the unknowns
-MIN_STRIDE = 1e-8  # stride below which a path ends that cannot be continued
+MAX_ARC_STRIDE = 0.5  # first and largest stride, in sizes of the unknowns
+MIN_ARC_STRIDE = 1e-8  # stride below which a path ends that cannot be continued
 STRIDE_PER_NORM = 0.1  # times the state's norm, if above 1: factor on the largest stride
 MAX_STATE_NORM = 1e3  # norm of a state whose forces grow without bound
 BRANCH_POINT_OFFSET = 1e-4  # from a branch point to its neighbours, over the stride
 MIN_TANGENT_COSINE = 0.95  # of the angle between the tangents of a stride: 18 degrees
-MAX_CORRECTION = 0.25  # largest correction of a stride, over the stride
+MAX_STRIDE_CORRECTION = 0.25  # largest correction of a stride, over the stride
 
 
 class PathStep:
@@ -79,9 +79,9 @@ class PathStep:
             step = solve_linear(matrix[None], np.append(-f / self.rows, 0.0)[None])[0]
             vector, size = vector + self.basis @ step, float(np.linalg.norm(step))
             moved += size
-            if not moved <= MAX_CORRECTION * stride + ROUNDING:
+            if not moved <= MAX_STRIDE_CORRECTION * stride + RESIDUAL_ROUNDING:
                 return None
-            if size < STEP_TOLERANCE:
+            if size < ROD_STEP_TOLERANCE:
                 return np.asarray(vector)
         return None
 
@@ -97,7 +97,7 @@ class PathStep:
             tangent, regular = self.along(found, self.tangent)
         if found is None or not tangent @ self.tangent > MIN_TANGENT_COSINE:
             self.stride /= 2.0
-            if self.stride < MIN_STRIDE:
+            if self.stride < MIN_ARC_STRIDE:
                 self.why = "the path cannot be continued: strides vanish"
             return
         if regular * self.regular < 0.0:
@@ -222,7 +222,7 @@ def follow(
     inputs: ArrayLike | None = None,
     pose: ArrayLike | None = None,
     load: ArrayLike | None = None,
-    stride: float = MAX_STRIDE,
+    stride: float = MAX_ARC_STRIDE,
 ) -> WaypointPath:
     r"""Follow an equilibrium along straight lines between way points; a fold ends it.
 
@@ -325,7 +325,7 @@ def trace(
     load: ArrayLike | None = None,
     to: tuple[float, float],
     max_points: int = 400,
-    stride: float = MAX_STRIDE,
+    stride: float = MAX_ARC_STRIDE,
 ) -> EquilibriumPath:
     r"""Follow the equilibria over one parameter, beyond their folds.
 

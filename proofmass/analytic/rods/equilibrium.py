@@ -62,7 +62,7 @@ HINGE_SHARES = _odd_palindrome(
     ]
 )
 STATE_COPIES, MAX_RODS_WITH_COPIES = 3, 64  # instead of broadcasting, for fewer rods
-MAX_STEPS = 500  # five times those for eight inflections; rods that need more are inaccurate
+MAX_ROD_STEPS = 500  # five times those for eight inflections; rods that need more are inaccurate
 SEGMENT_SHARES = _even_palindrome(
     [
         0.09171915262446165,
@@ -179,9 +179,9 @@ def integrate_to_tip(
 
 
 def count_steps(moment: Array, force: Complex, length: Array, stiffness: Array) -> int:
-    """Number of steps that the most bent rod of a batch needs, at most `MAX_STEPS`."""
+    """Number of steps that the most bent rod of a batch needs, at most `MAX_ROD_STEPS`."""
     rate = np.sqrt(np.abs(force) / stiffness + (moment / stiffness) ** 2 / 4.0)
-    return int(min(np.ceil(4.0 + 2.5 * np.nanmax(length * rate, initial=0.0)), MAX_STEPS))
+    return int(min(np.ceil(4.0 + 2.5 * np.nanmax(length * rate, initial=0.0)), MAX_ROD_STEPS))
 
 
 Columns = NDArray[np.int_]
@@ -351,11 +351,11 @@ def clamps_and_forces(s: RodState) -> tuple[Array, Complex, Complex]:
     return np.broadcast_to(a.angle, q.shape), a.clamp + q * a.guide, n
 
 
-STEP_TOLERANCE = 1e-8  # of the last step, in sizes of the unknowns; the error is its square
+ROD_STEP_TOLERANCE = 1e-8  # of the last step, in sizes of the unknowns; the error is its square
 MAX_TRIAL_STEPS = 60  # largest number of trial steps of Newton's method
 MAX_DISTANCE_FROM_GUESS = 1e3  # in sizes of the unknowns, beyond which a state is given up
 MIN_STEP_FRACTION = 1e-2  # a Newton step is halved as long as its fraction is larger than this
-ROUNDING = 1e-10  # residual over its size below which a step may increase it
+RESIDUAL_ROUNDING = 1e-10  # residual over its size below which a step may increase it
 
 
 def closure(s: RodState) -> tuple[Array, Array]:
@@ -507,8 +507,8 @@ def close_states(
         if not active.size:
             break
         new_norm, new_step, matrix = _newton_step(a, trial, free)
-        accepted = (new_norm <= norm) | (new_norm < ROUNDING)
-        converged = accepted & (np.linalg.norm(step / scale, axis=-1) < STEP_TOLERANCE)
+        accepted = (new_norm <= norm) | (new_norm < RESIDUAL_ROUNDING)
+        converged = accepted & (np.linalg.norm(step / scale, axis=-1) < ROD_STEP_TOLERANCE)
         solutions[active[converged]], side[active[converged]] = (
             trial[converged],
             np.sign(determinant(matrix[converged])),

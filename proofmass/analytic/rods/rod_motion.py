@@ -46,11 +46,11 @@ POSITION_TOLERANCE = 2e-5
 of the latter is accepted."""
 RESOLVED_MODES = 4
 """Number of modes of small motions whose phases change by no more than a radian in a time step."""
-MAX_STEPS = 1e5
+MAX_TIME_STEPS = 1e5
 """Largest number of steps in time, a minute of computing for each number of polynomials."""
-MAX_HALVINGS = 6
+MAX_STEP_HALVINGS = 6
 """Largest number of times that a step is halved in which the rod turns too far."""
-MAX_ITERATIONS = 30
+MAX_STEP_ITERATIONS = 30
 """Largest number of Newton's iterations of a step in time."""
 CHANGE_TOLERANCE, ROUNDING_LIMIT = 1e-14, 1e-9
 """Change of a coefficient [rad] in an iteration at which the iterations end, and at which they end
@@ -65,7 +65,7 @@ def collocation(stages: int) -> tuple[Array, Array, Array]:
     return 0.5 * (x + 1.0), 0.5 * weights, legendre.legval(x, lift.T).T
 
 
-NODES, WEIGHTS, FIRST_INTEGRALS = collocation(4)
+COLLOCATION_NODES, WEIGHTS, FIRST_INTEGRALS = collocation(4)
 # Second integrals of values at the nodes, up to each node and up to the end of the step:
 SECOND_INTEGRALS, SECOND_WEIGHTS = FIRST_INTEGRALS @ FIRST_INTEGRALS, WEIGHTS @ FIRST_INTEGRALS
 
@@ -278,7 +278,7 @@ class MovingRod:
         try:
             return self.stepped(t, a, rate, h)
         except ArithmeticError:
-            if halvings == MAX_HALVINGS:
+            if halvings == MAX_STEP_HALVINGS:
                 raise ValueError(f"the motion cannot be followed beyond {t:.6g} s") from None
         state = self.advance(t, a, rate, h / 2.0, halvings + 1)
         return self.advance(t + h / 2.0, *state, h / 2.0, halvings + 1)
@@ -294,7 +294,7 @@ class MovingRod:
         ArithmeticError
             Newton's method does not converge, because the rod turns too far in the step.
         """
-        count, stages = a.size, NODES.size
+        count, stages = a.size, COLLOCATION_NODES.size
         mass, _, tip, _ = self.terms(t, a, rate)
         spring = self.stiffness / self.length * basis(count, self.clamped).bend
         constraints = 0 if self.slider is None else 1
@@ -307,9 +307,9 @@ class MovingRod:
                 matrix[i, :count, i, count], matrix[i, count, i, :count] = -tip.imag, tip.imag
         factors, pivots, _ = dgetrf(matrix.reshape(stages * (count + constraints), -1))
         second, guide = np.zeros((stages, count)), np.zeros(stages)
-        times, before = t + h * NODES, np.inf
-        for _ in range(MAX_ITERATIONS):
-            places = a + h * NODES[:, None] * rate + twice @ second
+        times, before = t + h * COLLOCATION_NODES, np.inf
+        for _ in range(MAX_STEP_ITERATIONS):
+            places = a + h * COLLOCATION_NODES[:, None] * rate + twice @ second
             mass, force, tip, ahead = self.terms(times, places, rate + h * FIRST_INTEGRALS @ second)
             residual = force - (mass @ second[..., None])[..., 0]
             if constraints:
@@ -470,10 +470,10 @@ def find_resolved_motion(
     before: Array | None = None
     (rod, start), t = begins(*problem), np.array(times)
     steps = (t[-1] - t[0]) / longest_step(rod)
-    if steps > MAX_STEPS:
+    if steps > MAX_TIME_STEPS:
         raise ValueError(
             f"the rod is too stiff to be followed so long: {steps:.1g} steps in time; at most "
-            f"{MAX_STEPS:g} are possible"
+            f"{MAX_TIME_STEPS:g} are possible"
         )
     for count in POLYNOMIAL_COUNTS:
         found = motion_curves(rod, t, *start(count))

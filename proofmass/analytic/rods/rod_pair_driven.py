@@ -25,7 +25,9 @@ PairNumbers = tuple[float, ...]
 
 
 POINTS_PER_DIVISION = 4  # points of a division at which the inverse problem is solved
-MAX_STEP = 0.02  # longest step [L] from the first equilibrium towards the points, for all at once
+MAX_APPROACH_STEP = (
+    0.02  # longest step [L] from the first equilibrium towards the points, for all at once
+)
 
 
 def circles(
@@ -200,7 +202,7 @@ def equilibria_at_points(
     )
     free, points = columns(start.assembly, "rods", "inputs"), np.array(places)
     states = RodState(start.assembly, np.tile(start.vector, (points.size, 1)))
-    steps = 1 + int(np.ceil(np.abs(points).max() / MAX_STEP / length))
+    steps = 1 + int(np.ceil(np.abs(points).max() / MAX_APPROACH_STEP / length))
     goal = np.stack([points.real, points.imag], axis=1)
     check_reach(states.with_parts(pose=start.pose + goal))
     for share in np.linspace(0.0, 1.0, steps)[1:]:

@@ -477,7 +477,7 @@ MODULUS_MARGIN = 1e-4
 """Least distance of a relative modulus from 0, where the rod has no moment at its clamp, and 1."""
 MAX_LOAD = 1e3
 """Largest load [EI/L^2] that charts show, since the load has no bound at k_rel = +-1."""
-BISECTIONS = 60
+MODULUS_BISECTIONS = 60
 """Bisections of an interval that contains a relative modulus with a given load."""
 
 
@@ -737,7 +737,7 @@ def rods_of_load(psi: float, k_rel: Array, size: Array, mode: int, load: float) 
     over = size > load
     at = np.flatnonzero((over[:-1] != over[1:]) & (k_rel[:-1] * k_rel[1:] > 0.0))
     low, high, before = k_rel[at], k_rel[at + 1], over[at]
-    for _ in range(BISECTIONS if at.size else 0):
+    for _ in range(MODULUS_BISECTIONS if at.size else 0):
         middle = 0.5 * (low + high)
         above = tip(psi, middle, mode)["R"] > load
         same = above == before

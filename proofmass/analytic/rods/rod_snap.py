@@ -30,10 +30,10 @@ from proofmass.base.arrays import Array, Complex
 
 __all__ = ["branches", "events", "properties", "shapes", "solve"]
 
-MIN_DISTANCE, MAX_DISTANCE = 0.32, 0.99  # distances that are tested, over the length
+MIN_END_DISTANCE, MAX_DISTANCE = 0.32, 0.99  # distances that are tested, over the length
 STRIDE = 0.01  # stride along the level line, in (log alpha, log q)
 MAX_HALF_WAVES = 3.5  # half waves at the end of the level line, beyond the second fold
-NEWTON_STEPS = 4  # steps of Newton's method, from a guess with an error of about `STRIDE`^2
+SNAP_NEWTON_STEPS = 4  # steps of Newton's method, from a guess with an error of about `STRIDE`^2
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class SnapFamily:
         above = np.sqrt(self.angle[table] + self.fold)  # the line is smooth in this up to the fold
         root = np.sqrt(np.maximum(angle + self.fold, 0.0))  # it is negative by rounding at the fold
         u = np.stack([np.interp(root, above, column[table]) for column in self.place.T])
-        for _ in range(NEWTON_STEPS):
+        for _ in range(SNAP_NEWTON_STEPS):
             value, slope = log_tip(u)
             step = _solve_real(slope, np.log(self.distance * np.exp(-1j * angle - value)))
             u += np.where(np.abs(step).max(axis=0) < STRIDE, step, 0.0)  # longer only at the fold
@@ -87,9 +87,9 @@ def family(length: float, distance: float) -> SnapFamily:
     54.337195
     """
     check_positive(length=length, distance=distance)
-    if not MIN_DISTANCE * length <= distance <= MAX_DISTANCE * length:
+    if not MIN_END_DISTANCE * length <= distance <= MAX_DISTANCE * length:
         raise ValueError(
-            f"distance must be from {MIN_DISTANCE:g} to {MAX_DISTANCE:g} of the length, "
+            f"distance must be from {MIN_END_DISTANCE:g} to {MAX_DISTANCE:g} of the length, "
             f"{length:g} m, got {distance:g}"
         )
     start = arch(distance / length)
@@ -161,7 +161,7 @@ def point_ahead(u: Array, known: tuple[Complex, Complex], stride: float) -> Arra
     value, slope = known
     level, (x, y) = value.real, slope.real
     v = u + stride * np.array([-y, x]) / np.hypot(x, y)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(SNAP_NEWTON_STEPS):
         value, slope = log_tip(v)
         v = v - slope.real * (value.real - level) / (slope.real @ slope.real)
     return np.asarray(v)
@@ -198,7 +198,7 @@ def _solve_real(slope: Complex, right: Complex) -> Array:
         return np.asarray(np.stack([x, y]) / cross)
 
 
-DRAWN_POINTS = 81  # points of a drawn rod
+SHAPE_POINTS = 81  # points of a drawn rod
 COUNT_WORDS = "no", "one", "two"  # negative directions of the pieces of a branch
 
 
@@ -306,7 +306,7 @@ def drawn_points(snap_rods: SnapFamily, angle: Array, length: float) -> Complex:
     alpha, q = snap_rods.at(angle)
     return np.asarray(
         length
-        * sample_shapes(alpha, q, snap_rods.distance, np.linspace(0.0, 1.0, DRAWN_POINTS))[0].T
+        * sample_shapes(alpha, q, snap_rods.distance, np.linspace(0.0, 1.0, SHAPE_POINTS))[0].T
     )
 
 

@@ -43,7 +43,7 @@ AXES = "x", "y", "z"
 STEPS_PER_TURN = 16
 """First number of steps, of order 8, for each turn of the rod without load; it is doubled until
 the tip no longer moves."""
-MAX_STEPS = 4096
+MAX_ARC_STEPS = 4096
 """Largest number of steps along the rod."""
 TIP_TOLERANCE = 1e-12
 """Largest distance [L] by which the tip may move if the number of steps is doubled."""
@@ -53,9 +53,9 @@ MAX_EXTRAPOLATION_ERROR = 0.5
 """Largest difference [EI/L] of the moment at the clamp from its extrapolation over the loads."""
 MOMENT_DIFFERENCE = 1e-7
 """Differences [EI/L] of the moment at the clamp from which derivatives are computed."""
-MAX_ITERATIONS = 12
+MAX_TIP_ITERATIONS = 12
 """Largest number of steps of Newton's method from a guess."""
-FINAL_TOLERANCE, ROUNDING_LIMIT, SHARE_TOLERANCE = 1e-14, 1e-11, 1e-7
+FINAL_TOLERANCE, TIP_ROUNDING_LIMIT, SHARE_TOLERANCE = 1e-14, 1e-11, 1e-7
 """Errors of the moment at the tip, over the sum of all moments: that of a root; that below which
 iterations end as soon as the error is no longer halved, by rounding; and that of an equilibrium
 under a share of the loads."""
@@ -259,7 +259,7 @@ def resolve_rod(
 
     `near` are the moment and the tip with the given number of steps.
     """
-    while near and steps < MAX_STEPS:
+    while near and steps < MAX_ARC_STEPS:
         steps *= 2
         found, tip = near
         near = solve_from_guess(load, 1.0, found, steps)
@@ -270,7 +270,7 @@ def resolve_rod(
             f"Newton's method finds no equilibrium of the rod with {steps} steps along it"
         )
     raise ValueError(
-        f"the rod is not resolved with {MAX_STEPS} steps along it: it is bent too sharply"
+        f"the rod is not resolved with {MAX_ARC_STEPS} steps along it: it is bent too sharply"
     )
 
 
@@ -329,7 +329,7 @@ def solve_from_guess(
         + load.length * np.abs(load.force).max()
         + load.length**2 * np.abs(load.weight).max()
     )
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(MAX_TIP_ITERATIONS):
         starts = moment[:, None] + width * np.eye(3, 4, 1)
         with np.errstate(over="ignore", invalid="ignore"):  # an error that is not finite
             state = integrate_rods(load, share, starts, steps)[-1]
@@ -340,7 +340,7 @@ def solve_from_guess(
             return None
         tolerance = FINAL_TOLERANCE if share == 1.0 else SHARE_TOLERANCE
         if error <= tolerance * size or (
-            error <= ROUNDING_LIMIT * size and error >= least_error / 2.0
+            error <= TIP_ROUNDING_LIMIT * size and error >= least_error / 2.0
         ):
             return moment, state[PLACE, 0]
         least_error = min(least_error, error)

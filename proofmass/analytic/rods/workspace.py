@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from proofmass.analytic.chart import Chart, ChartLine, Field, Panel, line_through
-from proofmass.analytic.rods.continuation import MAX_CORRECTION, follow
+from proofmass.analytic.rods.continuation import MAX_STRIDE_CORRECTION, follow
 from proofmass.analytic.rods.equilibrium import (
     Columns,
     RodState,
@@ -35,7 +35,7 @@ DEFAULT_HALVINGS = 2
 """Default number of times that a stride on an equilibrium manifold may be halved."""
 MAX_NODE_HALVINGS = 4
 """Number of times that a stride from node to node may be halved."""
-BISECTIONS = 30
+EDGE_HALVINGS = 30
 """Number of times that an edge of the grid is halved towards a singularity on it."""
 
 
@@ -189,7 +189,7 @@ def take_stride(
     way = np.linalg.norm(change / scale, axis=1)
     guess = here.vector + change
     guess[:, axis_columns] = goal
-    found = close_states(RodState(a, guess), free, MAX_CORRECTION * way)
+    found = close_states(RodState(a, guess), free, MAX_STRIDE_CORRECTION * way)
     return found.states, found.side * np.sign(determinant(jacobian[..., free])) > 0.0
 
 
@@ -229,7 +229,7 @@ def find_singularities(
     side = sign(low)
     change = side != sign(high)
     low, high, side = low[change], high[change], side[change]
-    for _ in range(BISECTIONS):
+    for _ in range(EDGE_HALVINGS):
         between, good = move_states(
             low, 0.5 * (low.vector + high.vector)[:, axis_columns], axis_columns, m.name
         )
@@ -269,7 +269,7 @@ MAX_RIM_STRIDES = 16
 """Strides towards the rim of a manifold, halved where they fail."""
 LINE_TOLERANCE = 1e-6
 """Distance from a line of the grid, over an edge, within which points are on the line."""
-COLOURED_SHARE = 0.8
+COLOURED_NODES_SHARE = 0.8
 """Share of the nodes whose determinants the colours distinguish, since these have no bound at a
 singularity."""
 
@@ -562,7 +562,7 @@ def determinant_field(mesh: MapMesh, nodes: Array, ends: Array, name: str, unit:
     and no locus was found between them, there is no value at the rim.
     """
     inner, outer = determinant(nodes), determinant(ends)
-    most = np.nanquantile(np.abs(inner), COLOURED_SHARE)
+    most = np.nanquantile(np.abs(inner), COLOURED_NODES_SHARE)
     beside = inner[tuple(mesh.nodes.T)]
     crossings = mesh.crossings
     known = np.array([key in crossings for key in mesh.rims], bool)

@@ -8,7 +8,11 @@ import numpy as np
 from proofmass.analytic.numerics import CannotAssemble
 from proofmass.analytic.spatial.kinematics import normalize_quaternions
 from proofmass.analytic.spatial.mechanism import Tree, quaternion_product
-from proofmass.analytic.spatial.motion import CLOSING_TOLERANCE, MAX_NEWTON_STEPS, ConstrainedTree
+from proofmass.analytic.spatial.motion import (
+    MAX_ASSEMBLY_STEPS,
+    VIOLATION_TOLERANCE,
+    ConstrainedTree,
+)
 from proofmass.analytic.spatial.terms import OwnTerms, own_terms
 from proofmass.analytic.stops import Stop, make_stops
 from proofmass.base.arrays import Array, Index
@@ -71,11 +75,11 @@ class TreeAtRest:
         """
         q = self.closed[0][None]
         units = np.eye(self.sizes.size)[self.driven]
-        for _ in range(MAX_NEWTON_STEPS):
+        for _ in range(MAX_ASSEMBLY_STEPS):
             found = own_terms(self.tree, q, np.zeros((1, self.sizes.size)))
             drive_violations = self.values(q)[0] - values
             violations = np.concatenate([found.gap[0], drive_violations])
-            if np.abs(violations).max() < CLOSING_TOLERANCE * max(1.0, self.tree.extent):
+            if np.abs(violations).max() < VIOLATION_TOLERANCE * max(1.0, self.tree.extent):
                 return np.asarray(q[0])
             rows = np.vstack([found.jacobian[0], units]) * self.sizes
             q = self.moved(q, -self.sizes * np.linalg.lstsq(rows, violations)[0][None])

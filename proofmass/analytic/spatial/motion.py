@@ -3,9 +3,9 @@ r"""The motion of a tree with exact equalities.
     M v̇ = Q - h + Jᵀ λ,   J v̇ = γ        with M = L Lᵀ, W = J L⁻ᵀ:
     v̇ = a + L⁻ᵀ W⁺ (γ - J a),   a = M⁻¹ (Q - h)
 
-The pseudo-inverse W⁺ leaves out singular values below `RANK_TOLERANCE` of the largest, so that
-rows may depend on each other. The integrator is DOP853. After every step the pose is projected on
-φ(q) = 0 and the rates on J v = 0 by the smallest change in the metric of M, and quaternions are
+The pseudo-inverse W⁺ leaves out singular values below `EQUALITY_RANK_TOLERANCE` of the largest, so
+that rows may depend on each other. The integrator is DOP853. After every step the pose is projected
+on φ(q) = 0 and the rates on J v = 0 by the smallest change in the metric of M, and quaternions are
 scaled to length 1.
 """
 
@@ -41,17 +41,17 @@ from proofmass.base.arrays import Array, Index
 if TYPE_CHECKING:
     from scipy.integrate import DOP853
 
-INTEGRATION_TOLERANCE = 3e-14
+MOTION_TOLERANCE = 3e-14
 """Relative tolerance of a step, and absolute one in m, rad and per s."""
-RANK_TOLERANCE = 1e-8
+EQUALITY_RANK_TOLERANCE = 1e-8
 """Singular values of the equalities below this share of the largest count as zero."""
-CLOSING_TOLERANCE = 1e-13
+VIOLATION_TOLERANCE = 1e-13
 """Largest violation of closed equalities, as a share of the extent (at least of 1 m or rad)."""
-MAX_NEWTON_STEPS = 20
+MAX_ASSEMBLY_STEPS = 20
 """Largest number of Newton steps to close the equalities."""
-SHORT_STEP_SHARE, MAX_SHORT_STEPS = 1e-8, 10
+VANISHING_STEP_SHARE, MAX_SHORT_STEPS = 1e-8, 10
 """The integration ends after `MAX_SHORT_STEPS` steps in turn that are shorter than
-`SHORT_STEP_SHARE` times the longest one: near a pose in which the equalities lose rank,
+`VANISHING_STEP_SHARE` times the longest one: near a pose in which the equalities lose rank,
 accelerations are rounding."""
 
 
@@ -167,7 +167,7 @@ class ConstrainedTree:
             raise SingularHere("the mass matrix is not positive definite")
         root, _ = dtrtri(lower, lower=1)
         left, values, right, _ = dgesdd(root @ terms.jacobian.T, full_matrices=0)
-        rank = int((values > RANK_TOLERANCE * values[0]).sum())
+        rank = int((values > EQUALITY_RANK_TOLERANCE * values[0]).sum())
         self.rank = self.rank or rank
         if rank != self.rank:
             raise SingularHere(
@@ -188,10 +188,10 @@ class ConstrainedTree:
         """
         if not self.rows:
             return advance_pose(self.tree, q, np.zeros_like(v)), v
-        for _ in range(MAX_NEWTON_STEPS):
+        for _ in range(MAX_ASSEMBLY_STEPS):
             terms, _, inverse = self.solve(t, q, v)
             gap = np.abs(terms.gap).max()
-            if gap < CLOSING_TOLERANCE * max(1.0, self.tree.extent):
+            if gap < VIOLATION_TOLERANCE * max(1.0, self.tree.extent):
                 return q, v - inverse @ (terms.jacobian @ v - self.row_rates(t))
             q = advance_pose(self.tree, q, -inverse @ terms.gap)
         raise CannotAssemble(f"the equalities stay open by {gap:.3g}")
@@ -229,7 +229,7 @@ class ConstrainedTree:
         q = start_pose(begin, value)
         found, rows = begin.prescribed(q)
         gap = np.abs(found[: tree.rows]).max(initial=0.0)
-        if not gap < CLOSING_TOLERANCE * max(1.0, tree.extent):
+        if not gap < VIOLATION_TOLERANCE * max(1.0, tree.extent):
             raise CannotAssemble(f"the equalities stay open by {gap:.3g}")
         v = start_rates(rows, tree.start_rate, np.concatenate([np.zeros(tree.rows), rate]))
         return q, v, violation
@@ -289,7 +289,7 @@ def count_dof(tree: Tree, source: TermSource) -> int:
     """
     q, _, _ = ConstrainedTree(tree, source).start()
     rows = tree.without_rounding(source.equalities(q)[1]) * tree.sizes
-    return tree.armature.size - int(np.linalg.matrix_rank(rows, rtol=RANK_TOLERANCE))
+    return tree.armature.size - int(np.linalg.matrix_rank(rows, rtol=EQUALITY_RANK_TOLERANCE))
 
 
 def integrate_motion(
@@ -369,7 +369,7 @@ class FreeTree:
                     if solver.status == "failed":
                         raise SingularHere(str(message))
                     longest = max(longest, solver.step_size)
-                    short = short + 1 if solver.step_size < SHORT_STEP_SHARE * longest else 0
+                    short = short + 1 if solver.step_size < VANISHING_STEP_SHARE * longest else 0
                     if short == MAX_SHORT_STEPS:
                         raise SingularHere("steps become too short, as where equalities lose rank")
                     q, v = holder.close(solver.t, solver.y[:size], solver.y[size:])
@@ -436,7 +436,7 @@ class DrivenTree:
         rows = np.vstack([jacobian, self.units]) * self.sizes
         if (found := regular_pseudo_inverse(rows)) is None:
             left, values, right = np.linalg.svd(rows, full_matrices=False)
-            rank = int((values > RANK_TOLERANCE * values[0]).sum())
+            rank = int((values > EQUALITY_RANK_TOLERANCE * values[0]).sum())
             if rank < self.still.size:
                 raise SingularHere(f"the drives leave {self.still.size - rank} degrees of freedom")
             found = (right.T / values) @ left.T
@@ -451,11 +451,11 @@ class DrivenTree:
             The equalities stay open.
         """
         size = max(1.0, self.tree.extent)
-        for _ in range(MAX_NEWTON_STEPS):
+        for _ in range(MAX_ASSEMBLY_STEPS):
             gaps, jacobian = self.source.equalities(q)
             inverse = self.inverse(jacobian)
             gap = np.concatenate([gaps, q[self.places] - values])
-            if np.abs(gap).max() < CLOSING_TOLERANCE * size:
+            if np.abs(gap).max() < VIOLATION_TOLERANCE * size:
                 return q, inverse
             q = advance_pose(self.tree, q, -inverse @ gap)
         raise CannotAssemble(f"the equalities stay open by {np.abs(gap).max():.3g}")
@@ -559,6 +559,6 @@ def start_integrator(holder: ConstrainedTree, t: float, q: Array, v: Array, end:
         t,
         np.concatenate([q, v]),
         end,
-        rtol=INTEGRATION_TOLERANCE,
-        atol=INTEGRATION_TOLERANCE,
+        rtol=MOTION_TOLERANCE,
+        atol=MOTION_TOLERANCE,
     )

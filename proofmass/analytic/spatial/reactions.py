@@ -26,7 +26,7 @@ from proofmass.analytic.spatial.terms import (
 )
 from proofmass.base.arrays import Array
 
-RANK_TOLERANCE = 1e-8
+REACTION_RANK_TOLERANCE = 1e-8
 """Share of the largest singular value below which rows of loops and drives count as dependent."""
 
 
@@ -98,8 +98,10 @@ class Reactions:
         across = np.concatenate([rows, driven], axis=1).swapaxes(1, 2)
         sizes = np.linalg.svd(across, compute_uv=False)
         self.unique = is_determined(tree) and across.shape[2] <= across.shape[1]
-        self.unique &= not sizes.size or bool((sizes[:, -1] > RANK_TOLERANCE * sizes[:, 0]).all())
-        inverse = np.linalg.pinv(across, rcond=RANK_TOLERANCE)
+        self.unique &= not sizes.size or bool(
+            (sizes[:, -1] > REACTION_RANK_TOLERANCE * sizes[:, 0]).all()
+        )
+        inverse = np.linalg.pinv(across, rcond=REACTION_RANK_TOLERANCE)
         self.forces = (inverse @ (needed - pushes)[..., None])[..., 0]
         self.drives = self.forces[:, rows.shape[1] :]
 

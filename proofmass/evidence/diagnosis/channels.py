@@ -7,7 +7,7 @@ import numpy as np
 from proofmass.base.wording import format_list, format_unit
 from proofmass.evidence.diagnosis.explanation import Explanation
 from proofmass.evidence.diagnosis.fault import Fault, FaultValue, rounded_fit, sidecar_fault
-from proofmass.evidence.diagnosis.fit import MAX_ITERATIONS, ChannelCurves, Residuals
+from proofmass.evidence.diagnosis.fit import MAX_FIT_STEPS, ChannelCurves, Residuals
 from proofmass.reference.reference import all_quantities
 
 KNOWN_FACTORS = {
@@ -28,7 +28,7 @@ ANGLE_OFFSETS = {"a whole turn": 2 * np.pi, "half a turn": np.pi, "a quarter tur
 """Offsets of an angle that have a name [rad]."""
 SAMPLE_SHIFTS = {"one sample": 1, "two samples": 2}
 """Shifts of a curve that have a name, in samples."""
-MIN_SAMPLES = 8  # fewest samples for a shift by any distance: a spline needs some
+MIN_SHIFTED_SAMPLES = 8  # fewest samples for a shift by any distance: a spline needs some
 MAX_SHIFT = 0.1  # largest shift, as a share of the range of x; a longer one is no small fault
 
 
@@ -165,13 +165,13 @@ def shift_causes(residuals: Residuals) -> Iterator[Explanation]:
             )
             if right:
                 yield residuals.judged("shift", f"{format_list(right)} {words} {direction}", right)
-    if len(residuals.curves.x) < MIN_SAMPLES or not moving:
+    if len(residuals.curves.x) < MIN_SHIFTED_SAMPLES or not moving:
         return
     from scipy.interpolate import CubicSpline  # slow to load
 
     x, shift, after = residuals.curves.x, 0.0, dict(residuals.before)
     splines = {name: CubicSpline(x, residuals.reference[name]) for name in moving}
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(MAX_FIT_STEPS):
         slope = np.concatenate([-splines[name](x - shift, 1) for name in moving])
         step = float(np.concatenate([after[n] for n in moving]) @ slope / (slope @ slope))
         if not abs(shift + step) < MAX_SHIFT * np.ptp(x):

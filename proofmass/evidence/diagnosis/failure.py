@@ -21,7 +21,7 @@ from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.settings import ParameterValues
 from proofmass.sim.stability import stability_limit
 
-MAX_HALVINGS = 6  # times that a time step is halved
+TRIED_HALVINGS = 6  # times that a time step is halved
 TENFOLD = 0.1  # share of the last constraint violation from which its growth is counted
 
 
@@ -114,7 +114,7 @@ def describe_shorter_steps(case: Case, run: Kind, solver: str, curves: Curves) -
     if not (step := time_step_of(run, curves)):
         return
     shortest, length = step, float(np.ptp(run_samples(case, run)))
-    for _ in range(MAX_HALVINGS):
+    for _ in range(TRIED_HALVINGS):
         if run_steps(case, run, 2 * length / shortest) > MAX_RUN_STEPS:
             break
         changed = with_half_step(case, run, solver, shortest)

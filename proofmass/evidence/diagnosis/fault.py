@@ -19,7 +19,7 @@ SHOWN_DIGITS = 6
 """Digits of a value in a sentence, unless the wrong and the right one differ in later ones."""
 MAX_DIGITS = 17
 """Digits that tell any two floating-point numbers apart."""
-ROUNDING_SHARE = 1e-9
+FIT_ROUNDING_SHARE = 1e-9
 """Share of a fitted value below which its digits are rounding of the fit."""
 
 
@@ -186,7 +186,7 @@ def parameter_fault(
     case: Case, key: str, unit: str, wrong: float, right: float, within: float = 0.0
 ) -> Fault:
     """The fault of a parameter of the reference in the sidecar; `right` is a fitted value."""
-    right = rounded_fit(right, max(within, ROUNDING_SHARE * abs(wrong)))
+    right = rounded_fit(right, max(within, FIT_ROUNDING_SHARE * abs(wrong)))
     return sidecar_fault(case, ["parameters", key], key, wrong, right, unit, within)
 
 
@@ -196,7 +196,7 @@ def model_fault(
     """The fault of a number of the model, or of a rod in the sidecar; `right` is fitted [SI]."""
     names = {"site": number.of, "gravity": f"gravity {number.of}"}
     name = names.get(number.kind, number.name)
-    known = max(within, ROUNDING_SHARE * abs(number.value))
+    known = max(within, FIT_ROUNDING_SHARE * abs(number.value))
     right, unit = rounded_fit(right, known), number.unit.removeprefix("1")
     if number.place.tag == "rod":
         keys = ["rod", number.place.rod, number.place.attribute]
@@ -217,4 +217,4 @@ def instead_of(written: WrittenValue, right: float) -> str:
 
 def rounded_fit(value: float, within: float) -> float:
     """A fitted value in the digits that the fit knows."""
-    return shortest_within(value, max(within, ROUNDING_SHARE * abs(value)))
+    return shortest_within(value, max(within, FIT_ROUNDING_SHARE * abs(value)))

@@ -47,22 +47,24 @@ from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION
 SLOPE_STEP = 1e-6  # relative change of a parameter for a slope, whose rounding is then 1e-10 of it
 AGREEMENT_FACTOR = 2.0
 """A channel agrees up to this many times its tolerance, since engine and fit both have errors."""
-AGREEMENT_SHARE = 1e-3
+CHANNEL_AGREEMENT_SHARE = 1e-3
 """A channel also agrees up to this share of its difference, since slopes are inexact."""
 MAX_REMAINING_SHARE = 0.5
 """Largest such share of a channel that agrees, whose difference may be small already."""
 EARLY_SHARES = (0.1, 0.4)  # shares of a run that are fitted by themselves before the whole run
 SAME_CHANGE_SHARE = 0.1
 """Share of a channel's difference that remains after a change that it agrees with."""
-MAX_ITERATIONS = 12  # most steps of a fit; each but the first doubles the number of correct digits
+MAX_FIT_STEPS = 12  # most steps of a fit; each but the first doubles the number of correct digits
 CONVERGED_CHANGE = 1e-13  # relative change of a parameter at which a fit ends: it is rounding
 RIVAL_SHARE = 0.1  # share left to first order, up to which a cause is fitted after one explains all
 TINY_CHANGE = 1e-8  # relative change of a parameter up to which a step is not halved
-MAX_HALVINGS = 6  # times that a step of a fit is halved until it fits better
+MAX_FIT_HALVINGS = 6  # times that a step of a fit is halved until it fits better
 MAX_MISFIT_RATIO = 0.999  # share of the misfit that a step may leave; a smaller gain is rounding
 MAX_FITTED = 5
 """Parameters, or pairs of them, that are fitted: those that leave least to first order."""
-SWEEP_SAMPLES = 48  # samples of a sweep that suffice to fit a number; its end may be left out
+FITTED_SWEEP_SAMPLES = (
+    48  # samples of a sweep that suffice to fit a number; its end may be left out
+)
 UNFITTED_KINDS = ("inertia", "softness of the loop", "softness of the stop")
 """Kinds that are not fitted."""
 RUN_EXCEPTIONS: tuple[type[Exception], ...] = (InputError, BadModel, *OUTCOME_OF_EXCEPTION)
@@ -152,7 +154,7 @@ class Residuals:
         self.slopes = dict[str, ChannelCurves]()
         self.memory: Memory = {}
         self.run, self.solver = run, solver
-        self.stride = max(curves.x.size // SWEEP_SAMPLES, 1) if run == "sweep" else 1
+        self.stride = max(curves.x.size // FITTED_SWEEP_SAMPLES, 1) if run == "sweep" else 1
         largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
         self.sizes = {key: abs(value) or largest for key, value in self.parameters.items()}
         with use_memory(self.memory, store_results=True):
@@ -213,7 +215,9 @@ class Residuals:
         was = float(np.abs(self.before[name]).max())
         if name not in self.differing:
             return most <= AGREEMENT_FACTOR
-        return most <= max(min(AGREEMENT_FACTOR, MAX_REMAINING_SHARE * was), AGREEMENT_SHARE * was)
+        return most <= max(
+            min(AGREEMENT_FACTOR, MAX_REMAINING_SHARE * was), CHANNEL_AGREEMENT_SHARE * was
+        )
 
     def agreeing(self, after: ChannelCurves) -> ChannelCurves:
         """The differences of the channels that agree, of those that are given."""
@@ -330,7 +334,7 @@ class ModelResiduals(Residuals):
         """
         again = self.at({})
         apart = {name: y - self.before[name] for name, y in again.items()}
-        return bool(apart) and rms(apart) <= AGREEMENT_SHARE * rms(self.before)
+        return bool(apart) and rms(apart) <= CHANNEL_AGREEMENT_SHARE * rms(self.before)
 
     def fault(self, key: str, value: float, within: float = 0.0) -> Fault:
         """The fault of a number that should have a value, which is known to `within`."""
@@ -493,12 +497,12 @@ def fit_shares(
 ) -> dict[str, float]:
     """Fit the changes, as shares of parameters, to some channels by the Gauss-Newton method."""
     after = residuals.at_shares(shares)
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(MAX_FIT_STEPS):
         slopes = {k: parameter_slope(residuals, shares, k) for k in shares}
         if not all(slopes.values()) or not residuals.budget.lasts:
             break
         step = solve_least_squares(after, slopes, names, end)
-        for _ in range(MAX_HALVINGS if np.abs(step).max() > TINY_CHANGE else 1):
+        for _ in range(MAX_FIT_HALVINGS if np.abs(step).max() > TINY_CHANGE else 1):
             moved = {k: s + float(d) for (k, s), d in zip(shares.items(), step, strict=True)}
             new = residuals.at_shares(moved)
             if new and rms(new, names, end) < MAX_MISFIT_RATIO * rms(after, names, end):

@@ -44,7 +44,7 @@ MAX_MIRRORS = 4  # numbers of the model that are tried for one parameter of the 
 SIGN_KIND = "sign"
 FLIPPED_KINDS = ("gravity", "stiffness", "rest angle", "gear", "load")
 """Kinds of numbers whose opposite sign is tried; the axes of joints as well."""
-OPEN_SHARE = 1e-6
+OPEN_LOOP_SHARE = 1e-6
 """Opening of the loops in the start pose, as a share of the size, that is more than the six digits
 with which people write a pose."""
 REBOUND_KIND, STOP_KIND = "rebound", "softness of the stop"
@@ -222,7 +222,7 @@ def describe_start(case: Case) -> Iterator[str]:
     """A remark on loops that are open in the start pose by more than the digits of its numbers."""
     model = compiled_model(case)
     gap = loop_opening(model, case.start)
-    if gap > OPEN_SHARE * (size(model, case.start) or 1.0):
+    if gap > OPEN_LOOP_SHARE * (size(model, case.start) or 1.0):
         yield (
             f"the loops of {case.model} are open by {number(gap, 2)} m in the start pose "
             f"(key {case.start})"

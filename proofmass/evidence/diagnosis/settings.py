@@ -26,8 +26,8 @@ from proofmass.sim.protocol.tuning import STEP_CAUSE, Perturbation
 
 FALLING_SHARE = 0.6
 """Share of a difference that half a time step leaves if the error is of order 3/4."""
-MAX_ORDER = 6  # highest order of an integrator
-WORSE_RATIO = 1.1  # factor on the difference above which a change is said to make it larger
+HIGHEST_ORDER = 6  # highest order of an integrator
+WORSENING_FACTOR = 1.1  # factor on the difference above which a change is said to make it larger
 MAX_SETTING_STEPS = 600_000
 """Steps times degrees of freedom that may be spent on settings in which runs differ: 6 s."""
 SETTING_KIND = "setting"
@@ -102,13 +102,13 @@ def run_finer(residuals: Residuals, words: str, changed: Case) -> tuple[Explanat
     except RUN_EXCEPTIONS as error:
         return None, f"with {words} the run fails: {error}"
     share = remaining_share(residuals.before, after, residuals.differing)
-    if share > WORSE_RATIO:
+    if share > WORSENING_FACTOR:
         return None, f"{words} makes the error {number(share)} times as large"
     falling = falling_channels(residuals, after)
     if not falling:
         return None, f"{words} leaves the error as it is"
     left_of = remaining_share(residuals.before, after, falling)
-    if left_of < 0.5**MAX_ORDER:
+    if left_of < 0.5**HIGHEST_ORDER:
         return None, f"{words} leaves {number(left_of)} of the error, less than any order explains"
     text = f"{words.removesuffix(',')} (error of order {number(-np.log2(left_of), 2)})"
     return Explanation(FINER_KIND, text, falling, (), left_of, len(residuals.differing)), ""

@@ -39,13 +39,13 @@ from proofmass.analytic.friction import (
 )
 from proofmass.analytic.support import RunKind
 from proofmass.base.arrays import Array
-from proofmass.sim.mujoco.linkage import LOOP_TOLERANCE, MAX_STRIDE, NEWTON_TOLERANCE, Linkage
+from proofmass.sim.mujoco.linkage import LOOP_TOLERANCE, MAX_DRIVE_STRIDE, NEWTON_TOLERANCE, Linkage
 from proofmass.sim.mujoco.model import refuse_uncovered
 from proofmass.sim.protocol.failures import BadModel, Unsupported
 from proofmass.sim.protocol.run import Run
 
 # share of the largest singular value below which rows are linearly dependent
-RANK_TOLERANCE = 1e-10
+LOOP_RANK_TOLERANCE = 1e-10
 # share of the largest stiffness below which differences cannot tell it from zero
 MIN_STIFFNESS_RATIO = 1e-9
 
@@ -73,7 +73,7 @@ class RestEquations:
     def __init__(self, rows: Array, gap: Array, force: Array, stiffness: Array):
         self.rows, self.gap, self.force, self.stiffness = rows, gap, force, stiffness
         left, values, right = np.linalg.svd(rows)
-        rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
+        rank = int((values > LOOP_RANK_TOLERANCE * values.max(initial=0.0)).sum())
         self.inverse = (right[:rank].T / values[:rank]) @ left[:, :rank].T
         self.null = right[rank:].T
         self.hessian = self.null.T @ stiffness @ self.null
@@ -114,7 +114,7 @@ class RestEquations:
 
 BLOCK_ROUNDS = 10  # rounds in which all joints in a wrong state are switched at once
 # [rad or extents] rounding of a pose; a joint further beyond a stop has passed it
-LIMIT_TOLERANCE = 1e-12
+STOP_TOLERANCE = 1e-12
 PULL_TOLERANCE = 1e-12  # share of the largest force: rounding of the reaction of a stop
 
 
@@ -136,7 +136,7 @@ class LimitedJoints:
         self.names = [model.joint(j).name for j in joints]
         self.dofs, self.adr = model.jnt_dofadr[joints], model.jnt_qposadr[joints]
         self.low, self.high = model.jnt_range[joints].T
-        self.slack = LIMIT_TOLERANCE * reach[self.dofs]
+        self.slack = STOP_TOLERANCE * reach[self.dofs]
         self.rows = np.eye(model.nv)[self.dofs]
         self.side = np.zeros(joints.size, int)
         self.turns = BLOCK_ROUNDS + 2 * joints.size
@@ -185,7 +185,7 @@ class LimitedJoints:
 
 
 # step [rad or extents] of central differences, the cube root of rounding: errors of 1e-10
-DIFFERENCE_STEP = 6e-6
+FORCE_DIFFERENCE_STEP = 6e-6
 # step [rad or extents] of differences of fourth order, which rates need: errors of 1e-12
 FINE_DIFFERENCE_STEP = 5e-4
 # share of the largest stiffness: if differences with one and with two step widths differ by more, a
@@ -194,11 +194,11 @@ KINK_TOLERANCE = 1e-5
 # [rad or extents] a start pose further from equilibrium is refused, since it probably lacks a drive
 MAX_START_DISTANCE = 0.5
 # Newton steps, by whether the method descends or follows a path
-MAX_NEWTON_STEPS = {False: 15, True: 200}
+NEWTON_STEP_LIMITS = {False: 15, True: 200}
 # ratio of a Newton step to the one before, below which the old stiffness is good enough
 FAST_CONVERGENCE_RATIO = 0.1
 # [rad or extents] size of the next Newton step at which an equilibrium is found
-STEP_TOLERANCE = 1e-11
+NEXT_STEP_TOLERANCE = 1e-11
 # [rad or m per m] larger ratios of joint motion to loop opening mark a limit position
 LIMIT_POSITION_LEVER = 1e3
 # error of a tangent's prediction beyond which the pose has jumped: share of the motion, plus an
@@ -207,7 +207,7 @@ PREDICTION_ERROR_RATIO, SMALL_MOTION = 0.3, 1e-3
 # share of the longer of two predictions, by the tangents of both ends of a stride: if they differ
 # by more, the pose has snapped through
 TANGENT_CHANGE_RATIO = 0.5
-MIN_STRIDE_SHARE = 1e-8  # smallest part of a stride in which a path is followed
+MIN_STRIDE_PART = 1e-8  # smallest part of a stride in which a path is followed
 FRICTION_ROW = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 UNSTABLE_MESSAGE = "the equilibrium becomes unstable"
 
@@ -282,7 +282,7 @@ class RestingLinkage(Linkage):
         Whether rates along the path are needed, for which the stiffness is computed more exactly.
     """
 
-    shortest = MIN_STRIDE_SHARE
+    shortest = MIN_STRIDE_PART
     needs_rates = False
 
     def __init__(
@@ -381,7 +381,7 @@ class RestingLinkage(Linkage):
         """
         return self.follow(values, np.inf, descend=True)
 
-    def follow(self, values: Array, far: float = MAX_STRIDE, descend: bool = False) -> Array:
+    def follow(self, values: Array, far: float = MAX_DRIVE_STRIDE, descend: bool = False) -> Array:
         """Go to a stable equilibrium no further than `far`; returns its tangent; see `rest`."""
         values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
         tangent = self.rest(values, far, descend)
@@ -410,11 +410,11 @@ class RestingLinkage(Linkage):
 
         With `descend`, steps are reversed along motions of negative stiffness.
         """
-        begin, limit, before, size = self.data.qpos.copy(), MAX_STRIDE, 0.0, np.inf
+        begin, limit, before, size = self.data.qpos.copy(), MAX_DRIVE_STRIDE, 0.0, np.inf
         last, fresh = np.zeros(self.model.nv), True
-        for _ in range(MAX_NEWTON_STEPS[descend]):
+        for _ in range(NEWTON_STEP_LIMITS[descend]):
             has_converged = size <= NEWTON_TOLERANCE and (
-                fresh or size**2 <= STEP_TOLERANCE * before
+                fresh or size**2 <= NEXT_STEP_TOLERANCE * before
             )
             fresh = has_converged or size > FAST_CONVERGENCE_RATIO * before
             steady, move = self.step(
@@ -455,7 +455,7 @@ class RestingLinkage(Linkage):
         past, stop_rows = self.stops.held(pose)
         if fresh:
             rows = np.vstack([held, stop_rows])
-            pushes = np.linalg.lstsq(rows.T, force, RANK_TOLERANCE)[0]
+            pushes = np.linalg.lstsq(rows.T, force, LOOP_RANK_TOLERANCE)[0]
             self.stiffness = self.lagrangian(pushes[: gap.size], fine)
         older = np.flatnonzero(self.stops.side)
         for turn in range(self.stops.turns):
@@ -511,7 +511,7 @@ class RestingLinkage(Linkage):
             found = (4 * one - two) / 3
             fine = bool(np.abs(one - two).max() <= KINK_TOLERANCE * np.abs(one).max())
         if not fine:
-            found = slopes(DIFFERENCE_STEP)
+            found = slopes(FORCE_DIFFERENCE_STEP)
         self.data.qpos[:] = pose
         return found
 

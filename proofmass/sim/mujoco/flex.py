@@ -33,7 +33,7 @@ from proofmass.base.clock import processor_time
 from proofmass.sim.mjcf import leave_out_disabled, read_spec
 from proofmass.sim.mujoco.model import Recorder, load, refuse_uncovered
 from proofmass.sim.mujoco.sensors import withhold_stage
-from proofmass.sim.mujoco.settings import configure, stepping_settings
+from proofmass.sim.mujoco.settings import HARD_SOLIMP, configure, stepping_settings
 from proofmass.sim.mujoco.settling import step_to_rest
 from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.plane import MotionPlane, find_plane
@@ -170,12 +170,11 @@ NO_ENERGY = "MuJoCo counts no energy of a flex that bends"
 NO_TURN = "the points of a flex do not rotate: directions are not read"
 # time step, in multiples of `time_scale` / segments; edges then stretch alike for all n
 TIMESTEP_RATIO = 0.06
-STEPS_PER_CHECK = 20  # steps between two checks of the speed
+FLEX_STEPS_PER_CHECK = 20  # steps between two checks of the speed
 # [rod lengths per `time_scale`] speed of the fastest joint below which a model is at rest
-REST_SPEED = 1e-10
-MAX_STEPS = 100_000  # steps after which the search for an equilibrium is given up
+FLEX_REST_SPEED = 1e-10
+MAX_FLEX_STEPS = 100_000  # steps after which the search for an equilibrium is given up
 CONSTRAINT_TIME = 0.1  # [steps] time constant of the constraints; shorter ones are hardly stiffer
-HARD_SOLIMP = 0.9999, 0.9999, 0.001  # solimp of the constraints, the stiffest that MuJoCo accepts
 
 
 def equilibrium(path: Path, run: Run) -> Curves:
@@ -201,8 +200,10 @@ def equilibrium(path: Path, run: Run) -> Curves:
         )
     chains, plane = [cut_into_links(rod) for rod in run.rods], find_rod_plane(path, run)
     model, data = assemble_model(path, run, chains)
-    rest_speed = REST_SPEED * min(rod.length / time_scale(rod) for rod in run.rods)
-    steps = step_to_rest(model, data, rest_speed, block=STEPS_PER_CHECK, max_steps=MAX_STEPS)
+    rest_speed = FLEX_REST_SPEED * min(rod.length / time_scale(rod) for rod in run.rods)
+    steps = step_to_rest(
+        model, data, rest_speed, block=FLEX_STEPS_PER_CHECK, max_steps=MAX_FLEX_STEPS
+    )
     mujoco.mj_forward(model, data)
     record, missing = make_recorder(model, data, run)
     record.sample(0)

@@ -39,7 +39,7 @@ STATIC_STAGES = (
 )
 """Parts of ``mj_fwdPosition``: all but those of inertia."""
 # [rad or m] rounding of a pose; a joint further beyond its range has left it
-LIMIT_TOLERANCE = 1e-12
+RANGE_TOLERANCE = 1e-12
 # [extents or rad] size of a Newton step after which an error of its square remains
 NEWTON_TOLERANCE = 1e-8
 # [extents or rad] error at which `place` stops: Newton step times distance from the inverse's pose
@@ -50,17 +50,21 @@ LOOP_TOLERANCE = 1e-11  # [extents or rad] largest constraint violation of a clo
 # [extents or rad per extent] ratio of motion to constraint violation above which a pose counts as
 # singular, because of rounding
 SINGULAR_LEVER = 1e5
-NO_VALUES = np.zeros(0)  # values or rates of no drives
+NO_DRIVE_VALUES = np.zeros(0)  # values or rates of no drives
 # [rad or extents] offset at which a pose next to a singular one is not singular
 SINGULAR_POSE_OFFSET = 1e-3
-MAX_STRIDE = 0.1  # [rad or extents] largest motion of drives in a stride: keeps the assembly mode
+MAX_DRIVE_STRIDE = (
+    0.1  # [rad or extents] largest motion of drives in a stride: keeps the assembly mode
+)
 MAX_EXTRAPOLATION = 2.0  # [strides] largest extrapolation by a polynomial
 # largest share by which a polynomial leaves its tangent, or drives their last line
 MAX_BEND_RATIO = 0.3
 POSES_PER_BLOCK = 1000  # poses whose loops are closed together
 # [extents or rad] largest error of an interpolated pose; else poses follow singly
 MAX_GUESS_ERROR = 1e-2
-MAX_STEP_RATIO = 0.1  # largest ratio of a Newton step to the one before it, of interpolated poses
+MAX_CORRECTION_RATIO = (
+    0.1  # largest ratio of a Newton step to the one before it, of interpolated poses
+)
 # ratio of singular values up to which a matrix is regular and inverted by elimination
 MAX_CONDITION = 1e8
 # the same ratio for poses that are closed together; else poses follow singly
@@ -110,7 +114,7 @@ class Linkage:
         self.units = np.eye(model.nv)[self.dofs]
         slides = model.jnt_type[model.dof_jntid] == mujoco.mjtJoint.mjJNT_SLIDE
         self.sizes = np.where(slides, model.stat.extent, 1.0)
-        self.stride = MAX_STRIDE * self.sizes[self.dofs]
+        self.stride = MAX_DRIVE_STRIDE * self.sizes[self.dofs]
         spans = list[float]()
         for i in range(model.neq):
             kind = EQ(model.eq_type[i])
@@ -133,7 +137,7 @@ class Linkage:
         self.has_scalar_joints = (
             model.nq == model.nv
         )  # only hinges and slides, whose values can be added to
-        self.last_stride = NO_VALUES, NO_VALUES, NO_VALUES
+        self.last_stride = NO_DRIVE_VALUES, NO_DRIVE_VALUES, NO_DRIVE_VALUES
         self.rub = np.zeros(model.nv)
         self.loaded_bodies = np.flatnonzero(data.xfrc_applied.any(axis=1))
         self.limited = bool(model.jnt_limited.any() or model.tendon_limited.any())
@@ -300,7 +304,7 @@ class Linkage:
         except (BadModel, Unsupported):
             return None
         poses = interpolate_poses(drives, np.array(knots), np.array(ends), np.array(ways))
-        before = np.full(len(poses), MAX_GUESS_ERROR / MAX_STEP_RATIO)
+        before = np.full(len(poses), MAX_GUESS_ERROR / MAX_CORRECTION_RATIO)
         for _ in range(MAX_BATCH_STEPS):
             poses[:, self.dofs] = drives
             gaps, jacobians = self.rows_at(poses)
@@ -308,7 +312,7 @@ class Linkage:
                 return None
             moves = -(inverses[..., : gaps.shape[1]] @ gaps[..., None])[..., 0]
             size = np.abs(moves / self.sizes).max(axis=1)
-            if ((size > NEWTON_TOLERANCE) & ~(size < MAX_STEP_RATIO * before)).any():
+            if ((size > NEWTON_TOLERANCE) & ~(size < MAX_CORRECTION_RATIO * before)).any():
                 return None
             poses, before = poses + moves, size
             if size.max() <= BATCH_TOLERANCE:
@@ -446,7 +450,7 @@ class Linkage:
         own limits are springs, whose forces would enter the holding moments.
         """
         for word, kind in LIMIT_ROW_TYPES.items() if self.limited else ():
-            past = (self.data.efc_type == kind) & (self.data.efc_pos < -LIMIT_TOLERANCE)
+            past = (self.data.efc_type == kind) & (self.data.efc_pos < -RANGE_TOLERANCE)
             if past.any():
                 name = getattr(self.model, word)(self.data.efc_id[past.argmax()]).name
                 raise BadModel(

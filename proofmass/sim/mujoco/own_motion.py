@@ -67,7 +67,7 @@ PYTHON_SECONDS = 4e-5
 """Counted processor time that DOP853 needs for each evaluation besides that of MuJoCo [s]."""
 NARROW_TOLERANCE, WIDE_TOLERANCE = 1e-9, 1e-6
 """Narrow and wide error tolerance of DOP853, relative and in SI units."""
-DISTURBANCE = 1e-9
+POSE_DISTURBANCE = 1e-9
 """Change of the start pose, as a share of the model's size and in rad."""
 STIFFENING_FACTOR = 4.0
 """Divisor of the time constants of contacts, loops and limits."""
@@ -303,7 +303,7 @@ def solve_own_motion(
         for way, allowed in (("close", NARROW_TOLERANCE), ("rough", WIDE_TOLERANCE))
     )
     k = max((k for k, one in enumerate(runs) if one.work < limit["disturbed"]), default=0)
-    other = stepped("disturbed", 2**k, limit["disturbed"], n, DISTURBANCE)
+    other = stepped("disturbed", 2**k, limit["disturbed"], n, POSE_DISTURBANCE)
     ways = list[OwnRun]()
     if own != mujoco.mjtIntegrator.mjINT_RK4:
         name = format_integrator(mujoco.mjtIntegrator.mjINT_RK4, step)

@@ -501,7 +501,7 @@ def component_expression(axis: Array, first: int) -> str:
 
 MAX_DEPTH = 490
 """Largest depth of nested bodies that is written; MuJoCo reads no element inside 500 others."""
-IDENTITY_QUATERNION = [1.0, 0.0, 0.0, 0.0]
+NO_ROTATION = [1.0, 0.0, 0.0, 0.0]
 DEFAULT_JOINT = {
     "pos": "0 0 0",
     "damping": "0 0 0",
@@ -626,7 +626,7 @@ def body_parts(body: mujoco._specs.MjsBody, plain: bool) -> Iterator[Element]:
 
 def placement_attributes(element: mujoco._specs.MjsBody | mujoco._specs.MjsSite) -> dict[str, str]:
     """Attributes for the position and orientation of a body or a site in its parent."""
-    is_rotated = element.quat.tolist() != IDENTITY_QUATERNION
+    is_rotated = element.quat.tolist() != NO_ROTATION
     said = {"pos": mjcf_numbers(element.pos)}
     return {**said, "quat": mjcf_numbers(element.quat)} if is_rotated else said
 

@@ -24,6 +24,7 @@ from proofmass.sim.protocol.engine import AccuracyLimit
 from proofmass.sim.protocol.settings import EngineSettings, StrictNumbers
 
 DISABLE_BITS = mujoco.mjtDisableBit
+HARD_SOLIMP = (0.9999, 0.9999, 0.001)  # the hardest solimp that MuJoCo accepts
 
 
 @dataclass(frozen=True)

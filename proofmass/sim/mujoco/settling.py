@@ -22,7 +22,7 @@ import numpy as np
 from proofmass.analytic.support import RunKind
 from proofmass.base.arrays import Array
 from proofmass.base.clock import processor_time
-from proofmass.sim.mujoco.equilibrium import RANK_TOLERANCE, RestingLinkage
+from proofmass.sim.mujoco.equilibrium import LOOP_RANK_TOLERANCE, RestingLinkage
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, refuse_uncovered
 from proofmass.sim.mujoco.sensors import drive_moment_curves, withhold_interactions, withhold_stage
@@ -101,11 +101,11 @@ NO_RATE = "the engine is at rest at every sample: no rates, no accelerations"
 PHASE_PER_STEP = 0.015  # [rad] phase per step of a joint that oscillates on its own stiffness
 MIN_STIFFNESS_SHARE = 1e-3  # share of the largest stiffness; joints with less oscillate more slowly
 # inertia of a drive in multiples of the largest: until rest only rounding moves it
-FLYWHEEL_RATIO = 1e12
+HELD_DRIVE_RATIO = 1e12
 STEPS_PER_STRIDE = 100  # steps in which the drives move by a stride of `Linkage`
 STEPS_PER_CHECK = 50  # steps between two checks of the speed
 REST_SPEED = 1e-9  # [rad/s or m/s] speed of the fastest joint below which the model is at rest
-MAX_STEPS = 400_000  # steps after which a sample is given up
+MAX_SETTLING_STEPS = 400_000  # steps after which a sample is given up
 
 
 def settled_sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
@@ -153,7 +153,9 @@ def set_inertia_and_damping(linkage: Linkage) -> None:
     rest = RestingLinkage(copy.copy(model), copy.copy(data), linkage.joints, linkage.dof())
     rest.settle()
     stiffness = rest.balance.stiffness
-    null = scipy.linalg.null_space(np.vstack([rest.rows()[1], rest.units]), rcond=RANK_TOLERANCE)
+    null = scipy.linalg.null_space(
+        np.vstack([rest.rows()[1], rest.units]), rcond=LOOP_RANK_TOLERANCE
+    )
     own = np.abs(np.diag(stiffness))
     pace = PHASE_PER_STEP / model.opt.timestep
     model.dof_armature += np.maximum(own, MIN_STIFFNESS_SHARE * own.max()) / pace**2
@@ -163,7 +165,7 @@ def set_inertia_and_damping(linkage: Linkage) -> None:
     squares = scipy.linalg.eigvalsh(null.T @ stiffness @ null, null.T @ inertia @ null)
     slowest = np.sqrt(np.abs(squares).min(initial=pace**2))
     model.dof_damping += 2 * slowest * np.diag(inertia)
-    model.dof_armature[dofs] += FLYWHEEL_RATIO * inertia.max()
+    model.dof_armature[dofs] += HELD_DRIVE_RATIO * inertia.max()
     model.dof_damping[dofs] = 0
     model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_DAMPER)  # this damping must act
     pose = data.qpos.copy()
@@ -194,7 +196,7 @@ def settle_at(linkage: Linkage, values: Array) -> int:
         data,
         REST_SPEED,
         block=STEPS_PER_CHECK,
-        max_steps=MAX_STEPS,
+        max_steps=MAX_SETTLING_STEPS,
         constrain=constrain,
         context=f" at {linkage.format_drives(values)}",
     )

@@ -41,14 +41,13 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.sim.contents import has_dry_friction, may_touch
-from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS, limited_joints
+from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS, HARD_SOLIMP, limited_joints
 from proofmass.sim.problem_models import start_key, wheel_model
 from proofmass.sim.protocol.settings import ParameterValue, ParameterValues, first_number
 from proofmass.sim.protocol.theory import LimitProblem, Scheme, StepMap, Stepping
 from proofmass.sim.protocol.tuning import STEP_CAUSE, Perturbation, Recipe, Scan, Studied, scan_over
 
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4")
-HARD_SOLIMP = (0.9999, 0.9999, 0.001)  # the hardest solimp that MuJoCo accepts
 MAX_IMPEDANCE = 0.9999  # the largest impedance in solimp that MuJoCo accepts
 SOLVER_TOLERANCE = 1e-15
 """Tolerance of the solver that is just above rounding; 0 enforces all iterations allowed."""

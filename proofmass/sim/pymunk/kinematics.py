@@ -233,7 +233,7 @@ def force_of(pull: LinkLoad, pose: Array) -> Array:
 
 MAX_DRIVE_MOVE = 0.05
 """Largest move of a drive [rad, or extents] between two poses, so that the branch is kept."""
-CLOSING_TOLERANCE = 1e-9
+OPEN_LOOP_TOLERANCE = 1e-9
 """Largest constraint violation [extents or radians] and largest error of a drive [extents or
 radians] of a pose that counts as closed."""
 
@@ -285,13 +285,13 @@ def _close_by_newton(links: Links, pose: Array, drives: Array, remainder: Array 
         best, best_size = pose, size
         step = least_move(links, jacobian(lambda p: constraint_values(links, p), pose), error)
         pose = pose - np.append(step, np.zeros(3)).reshape(pose.shape)
-    if best_size > CLOSING_TOLERANCE:
+    if best_size > OPEN_LOOP_TOLERANCE:
         violation = _least_violation(links, best, drives)
         raise BadModel(
             f"the loops cannot be closed at {format_drives(links, drives) or 'the start'}"
             + (
                 f", open by {violation:.2g} m"
-                if violation > CLOSING_TOLERANCE * links.extent
+                if violation > OPEN_LOOP_TOLERANCE * links.extent
                 else ": a singular pose before it"
             )
         )
@@ -415,7 +415,7 @@ def _constraint_forces(
     return (np.where(slides[:, None], sliding, held), np.where(slides, held[:, 1], signs * forces))
 
 
-DIFFERENCE_STEP = 1e-4
+GRADIENT_STEP = 1e-4
 """Displacement for differences of the energy's gradient [extents or radians]."""
 
 
@@ -510,8 +510,8 @@ def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes
     rise, size = _gradient_differences(links, pose, moves, pull, stops)
     flat = moves.reshape(len(moves), pose.size)
     curvature = rise.reshape(flat.shape) @ flat.T * size[:, None]
-    squares, modes = np.linalg.eigh((curvature + curvature.T) / (4 * DIFFERENCE_STEP))
-    twist = modes.T @ (curvature.T - curvature) @ modes / (4 * DIFFERENCE_STEP)
+    squares, modes = np.linalg.eigh((curvature + curvature.T) / (4 * GRADIENT_STEP))
+    twist = modes.T @ (curvature.T - curvature) @ modes / (4 * GRADIENT_STEP)
     twist *= any(load.follows for load in links.pulls)
     return Modes(pose, (modes.T @ flat).reshape(moves.shape), squares, twist, pull, stops)
 
@@ -523,7 +523,7 @@ def gradient_changes(links: Links, pose: Array, moves: Array) -> Array:
     """
     _, pull = _free_motions_and_forces(links, pose, ())
     rise, size = _gradient_differences(links, pose, moves, pull, ())
-    return np.asarray(rise * (size / (2 * DIFFERENCE_STEP))[:, None, None])
+    return np.asarray(rise * (size / (2 * GRADIENT_STEP))[:, None, None])
 
 
 def _free_motions_and_forces(
@@ -539,12 +539,12 @@ def _free_motions_and_forces(
 def _gradient_differences(
     links: Links, pose: Array, moves: Array, pull: Array, stops: tuple[LinkJoint, ...]
 ) -> tuple[Array, Array]:
-    """Differences of the gradient along moves, by `DIFFERENCE_STEP` in each direction.
+    """Differences of the gradient along moves, by `GRADIENT_STEP` in each direction.
 
     Returns the differences (n, links + 1, 3) and the sizes (n,) of the moves.
     """
     size = move_sizes(links, moves)
-    nudge = moves * (DIFFERENCE_STEP / size)[:, None, None]
+    nudge = moves * (GRADIENT_STEP / size)[:, None, None]
     ahead, behind = energy_gradient(links, pose + np.stack([nudge, -nudge]), pull, stops)
     return ahead - behind, size
 

@@ -51,9 +51,9 @@ from proofmass.sim.pymunk.space import (
 IMPOSED = Imposed("gear"), Imposed("motor")
 """The ways in which a program can prescribe the motion of a hinge: a gear whose phase is moved, or
 a motor whose rate is set before each step.  For slides a groove is moved in both."""
-MAX_COLUMNS = 100
+MAX_LINE_LENGTH = 100
 """Line length of the program; only lines that cannot be broken are longer."""
-ROUNDING = 1e-15
+PRINTED_ROUNDING = 1e-15
 """Components of unit vectors that differ by less from 0 or from 1 are printed as 0 or 1."""
 FORCE_ORDER = -2
 """`Sensor.order` of the force of a drive."""
@@ -203,16 +203,16 @@ def as_tuple(numbers: Iterable[float]) -> str:
 def format_sum(terms: Iterable[tuple[float, str]], constant: float = 0.0) -> str:
     """The source of a sum: `constant` plus products of factors and terms.
 
-    Terms whose factor is at most `ROUNDING` are left out.
+    Terms whose factor is at most `PRINTED_ROUNDING` are left out.
 
     >>> format_sum([(1.0, "x"), (0.0, "y")]), format_sum([(-0.5, "x"), (-1.0, "y")], 2.0)
     ('x', '2.0 - 0.5 * x - y')
     """
     text = literal(constant) if constant else ""
     for share, term in terms:
-        if abs(share) <= ROUNDING:
+        if abs(share) <= PRINTED_ROUNDING:
             continue
-        size = "" if abs(abs(share) - 1.0) <= ROUNDING else f"{literal(abs(share))} * "
+        size = "" if abs(abs(share) - 1.0) <= PRINTED_ROUNDING else f"{literal(abs(share))} * "
         between = (" + ", " - ") if text else ("", "-")
         text += f"{between[share < 0]}{size}{term}"
     return text or "0.0"
@@ -228,7 +228,7 @@ def wrap_lines(text: str, first_indent: int = 0, indent: int = 4) -> str:
     return (
         fill(
             whole,
-            MAX_COLUMNS,
+            MAX_LINE_LENGTH,
             initial_indent=" " * first_indent,
             subsequent_indent=" " * indent,
             break_long_words=False,
@@ -241,7 +241,7 @@ def wrap_lines(text: str, first_indent: int = 0, indent: int = 4) -> str:
 
 def format_array_sum(terms: list[tuple[float, str]], constant: float) -> str:
     """The source of a sum as in `format_sum`, but always an array over the poses."""
-    if all(abs(share) <= ROUNDING for share, _ in terms):
+    if all(abs(share) <= PRINTED_ROUNDING for share, _ in terms):
         return f"np.full(len(pose), {literal(constant)})"
     return format_sum(terms, constant)
 
@@ -250,7 +250,7 @@ def comment_lines(text: str, indent: int = 0) -> str:
     """A text as the lines of a comment."""
     return fill(
         text,
-        MAX_COLUMNS,
+        MAX_LINE_LENGTH,
         initial_indent=" " * indent + "# ",
         break_on_hyphens=False,
         subsequent_indent=" " * indent + "# ",
@@ -533,7 +533,7 @@ class Writer:
                 wrap_lines(f"spring = add({text}{damping}))"),
                 *(
                     [whole]
-                    if len(whole) <= MAX_COLUMNS
+                    if len(whole) <= MAX_LINE_LENGTH
                     else [f"spring.{setter}: (", f"    {wrap_lines(force, 4, 8)})"]
                 ),
             ]
@@ -718,7 +718,7 @@ class Writer:
         level = float(function.height * plane.normal[k])
         return format_array_sum(
             [(float(plane.e1[k]), f"{text}[0]"), (float(plane.e2[k]), f"{text}[1]")],
-            level if abs(level) > ROUNDING * self.links.extent else 0.0,
+            level if abs(level) > PRINTED_ROUNDING * self.links.extent else 0.0,
         )
 
     def _value(self, joint: LinkJoint) -> str:

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from proofmass.analytic.friction import (
     MAX_FRICTION_JOINTS,
     NOTHING_SLIPS,
-    RANK_TOLERANCE,
+    STUCK_RANK_TOLERANCE,
     PathEnds,
     SlipProblem,
     follow_stick_slip,
@@ -120,7 +120,7 @@ def bound_stop_bias(stops: Stops, pose: Array, dt: float) -> None:
         stop.max_bias = max(abs(way_to_stop(joint, pose)) - STOP_MARGIN, MIN_STOP_CORRECTION) / dt
 
 
-MIN_STIFFNESS_SHARE = 1e-8
+MIN_MODE_STIFFNESS = 1e-8
 """Smallest stiffness of a mode of unit mass that is assumed, as a share of 1 / dt^2."""
 STOP_OVERSHOOT = 0.1
 """Largest overshoot of a stop in a move, as a share of the distance to the stop; the stop acts on
@@ -189,7 +189,7 @@ def _move_with_modes(links: Links, modes: Modes, pose: Array, velocity: Array, d
     """The move of `move_toward_rest` if the joints `modes.stops` stay on their stops."""
     parts = modes.of(links.inertia * velocity)
     stiffness = np.maximum(
-        np.abs(modes.squares), MIN_STIFFNESS_SHARE / dt**2
+        np.abs(modes.squares), MIN_MODE_STIFFNESS / dt**2
     )  # positive, so that energy decreases
     closing = dt * (velocity - modes.sum(parts))
     closing /= max(1.0, float(move_sizes(links, closing)) / MAX_CLOSING_MOVE)
@@ -241,7 +241,7 @@ def _excess_factor(links: Links, pose: Array, move: Array) -> float:
     return float(beyond.max(initial=0.0))
 
 
-MAX_EXTRAPOLATION = 3.0
+MAX_EXTRAPOLATED_WAYS = 3.0
 """Longest way of the drives over which poses are extrapolated, in ways between the last two rests:
 over longer ways extrapolation amplifies noise."""
 KEPT_RESTS = 3
@@ -269,16 +269,16 @@ STEPS_BEFORE_CHECK = 12
 """Number of steps without rest after which Newton's method checks that the loops can be closed."""
 START_DISTANCE = 1e-3
 """Distance from the start pose at which degrees of freedom begin [extents or radians]."""
-MAX_STEPS = {True: 1000, False: 200}
+STEP_LIMITS = {True: 1000, False: 200}
 """Largest number of steps to a rest, by whether there are degrees of freedom."""
 MAX_START_ITERATIONS = 500
 """Largest initial number of the solver's iterations in a step, if the run gives none."""
 START_ERROR_SHARE = 1e-12
 """Share of an error that the iterations may leave in the start pose; it determines their initial
 number if there are no degrees of freedom."""
-REMAINING_ERROR = 1e-3
+REMAINING_REST_ERROR = 1e-3
 """Share of an error that the iterations of a step may leave, once their number is increased."""
-MAX_ITERATIONS = 10**6
+MAX_REPEATED_ITERATIONS = 10**6
 """Largest number of iterations in a step together with its repetitions."""
 MAX_UNSOLVED_STEPS = 10
 """Number of steps to a rest that may be left unsolved.  Near a stretched arm 500 iterations reduce
@@ -415,7 +415,7 @@ class SweepState:
             return
         noise = self.rounding_error / self.dt
         change = np.nan
-        for _ in range(0, MAX_ITERATIONS, self.space.iterations):
+        for _ in range(0, MAX_REPEATED_ITERATIONS, self.space.iterations):
             last, before = self.velocity, change
             self._solve()
             change = float(move_sizes(self.links, self.velocity - last))
@@ -427,7 +427,7 @@ class SweepState:
                 return
         raise NotSolved(
             f"drives at {np.round(target, 4).tolist()}: a step is not solved after "
-            f"{MAX_ITERATIONS} iterations"
+            f"{MAX_REPEATED_ITERATIONS} iterations"
         )
 
     def _solve(self) -> None:
@@ -450,7 +450,7 @@ class SweepState:
         self.ahead(target, last[0])
         settled, unsolved, began, modes = 0, 0, self.pose, None
         self.space.iterations = self.usual
-        for count in range(MAX_STEPS[self.free]):
+        for count in range(STEP_LIMITS[self.free]):
             if count == STEPS_BEFORE_CHECK:
                 self._check_closable(began, target)
             solved = True
@@ -498,7 +498,7 @@ class SweepState:
         share = ratio_of_ways(
             subtract_values(target.tolist(), here), subtract_values(here, self.past_rests[-1][0])
         )
-        if not 0 < share <= MAX_EXTRAPOLATION:
+        if not 0 < share <= MAX_EXTRAPOLATED_WAYS:
             return
         move = share * (self.pose - self.past_rests[-1][1])
         places, poses = rests_on_way(self.past_rests, here)
@@ -527,8 +527,8 @@ class SweepState:
         """
         there = close_loops(self.links, began, target)
         if not self.free:
-            needed = iterations_needed(self.links, there[None], REMAINING_ERROR)
-            self.space.iterations = min(max(self.usual, needed), MAX_ITERATIONS)
+            needed = iterations_needed(self.links, there[None], REMAINING_REST_ERROR)
+            self.space.iterations = min(max(self.usual, needed), MAX_REPEATED_ITERATIONS)
             self.pose = began
 
     def _is_violated(self, target: Array) -> bool:
@@ -635,7 +635,7 @@ class SweepState:
         With friction motors, with which they converge slowly, the step is repeated until they do.
         """
         size = np.array([drive.impulse for drive in self.drives[: self.drive_count]])
-        for _ in range(MAX_STEPS[False] if self.friction else 0):
+        for _ in range(STEP_LIMITS[False] if self.friction else 0):
             last = size
             self._solve()
             size = np.array([drive.impulse for drive in self.drives[: self.drive_count]])
@@ -652,7 +652,7 @@ class SweepState:
         moving.pose, moving.space.iterations = self.pose, self.space.iterations
         ahead = drive_values(self.links, self.pose) + self.dt * rate / size
         moving.step(ahead)
-        for _ in range(1, MAX_STEPS[False]):
+        for _ in range(1, STEP_LIMITS[False]):
             last = moving.velocity
             moving.step(ahead)
             change = move_sizes(self.links, moving.velocity - last)
@@ -798,7 +798,7 @@ class FrictionSweepState(SweepState):
         turn = derivative_along(lambda p: values_of(joints, p), self.pose, free).T
         for k in stuck.tolist():
             rows = turn[[*kept, k]]
-            if np.linalg.matrix_rank(rows, rtol=RANK_TOLERANCE) == len(rows):
+            if np.linalg.matrix_rank(rows, rtol=STUCK_RANK_TOLERANCE) == len(rows):
                 kept.append(k)
         return kept
 

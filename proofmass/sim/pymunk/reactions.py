@@ -31,7 +31,7 @@ from proofmass.sim.pymunk.kinematics import (
 )
 from proofmass.sim.pymunk.links import Links
 
-BLOCK_SIZE = 256
+JACOBIAN_BLOCK_SIZE = 256
 """Number of samples whose Jacobians are computed at once."""
 DEPENDENCE_TOLERANCE = 1e-12
 """Singular values of the Jacobian below this share of the largest one count as zero, since their
@@ -69,7 +69,8 @@ def solve_forces(links: Links, motion: SampledMotion) -> Array:
     """
     n = len(motion.pose)
     blocks = [
-        _solve_block(links, motion, slice(k, k + BLOCK_SIZE)) for k in range(0, n, BLOCK_SIZE)
+        _solve_block(links, motion, slice(k, k + JACOBIAN_BLOCK_SIZE))
+        for k in range(0, n, JACOBIAN_BLOCK_SIZE)
     ]
     return np.concatenate(blocks)
 

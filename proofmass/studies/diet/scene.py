@@ -47,26 +47,30 @@ from proofmass.studies.measure import Measurement, measure
 from proofmass.verdict.compare import allowed_error
 from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
 
-ROUNDING_SHARE = 1e-9  # share of a channel's largest value; 1e7 times the rounding of one number
+CHANNEL_ROUNDING_SHARE = (
+    1e-9  # share of a channel's largest value; 1e7 times the rounding of one number
+)
 NUDGE = 1e-12  # [rad or m] of every joint at the start; the changes that it causes are allowed
 CHAOS_SHARE = 0.1
 """Share of a channel's largest value; if the nudge changes it by more, it is chaotic."""
-MIN_SAMPLES = 10  # samples before chaos that a run must have
+MIN_RUN_SAMPLES = 10  # samples before chaos that a run must have
 FREE_MOTION_SAMPLES = 501
-CHANGE_SHARE = 0.1
+ALLOWED_CHANGE_SHARE = 0.1
 """Share of the difference between tolerance and error by which a channel may change."""
-RUN_TIMEOUT = 600.0  # s, processor time of a run of the original model
+ORIGINAL_RUN_TIMEOUT = 600.0  # s, processor time of a run of the original model
 COMPILE_TIMEOUT = 120.0  # s, processor time of compiling, as a run has that states no limit
 COUNTED_STEPS = 500  # steps whose iterations are counted, at most
 TIMED_STEPS = 2000  # steps that are timed, at most
 BRIEF_SECONDS = 0.05
 """Counted time of a run that is timed or counted [s]; it has fewer steps if they are slow."""
-STEP_DIVISORS = (4, 8)
+FINE_DIVISORS = (4, 8)
 """Divisors of the time step in fine solutions; the last one is the reference."""
 FINE_SETTINGS = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}
 """Other options of these."""
 ERROR_GROWTH = 0.1  # share of an error by which it may grow, if no tolerance allows more
-MAX_STRIDE = 64  # steps between samples, so that steps up to so many times longer can be tried
+MAX_STEPS_PER_SAMPLE = (
+    64  # steps between samples, so that steps up to so many times longer can be tried
+)
 MIN_THINNED_SAMPLES = 50  # samples that must remain
 
 
@@ -343,7 +347,9 @@ def describe_monitored(edited: EditedModel, monitored: MonitoredRun) -> Iterator
             " so only its change counts; what does not move adds nothing to it."
         )
     try:
-        found = call_isolated(groups, edited.compiled(), monitored.run, timeout=RUN_TIMEOUT)
+        found = call_isolated(
+            groups, edited.compiled(), monitored.run, timeout=ORIGINAL_RUN_TIMEOUT
+        )
     except Exception:  # without the groups there is no sentence on them
         return
     if len(found) < 2 or edited.monitored:
@@ -424,8 +430,8 @@ def monitor_run(case: Case, run: Run, solver: str, edited: EditedModel) -> Monit
         tolerance = allowed_error(case, kind, solver, name, before, reference[name])
         error = float(np.abs(curve - reference[name]).max())
         allowed_change, rounding = (
-            CHANGE_SHARE * ((tolerance or 0.0) - error),
-            ROUNDING_SHARE * sensor_scale(before, name),
+            ALLOWED_CHANGE_SHARE * ((tolerance or 0.0) - error),
+            CHANNEL_ROUNDING_SHARE * sensor_scale(before, name),
         )
         allowed[name] = np.full(curve.size, max(allowed_change, rounding))
         # a tolerance may be smaller than that rounding, and no option may exceed a tolerance
@@ -476,7 +482,7 @@ def monitor_free_motion(file: Path, edited: EditedModel, seconds: float) -> Moni
     }
     chaotic = np.max(list(grown.values()), axis=0) > CHAOS_SHARE
     n = int(np.argmax(chaotic)) if chaotic.any() else x.size
-    if n < min(MIN_SAMPLES, x.size):
+    if n < min(MIN_RUN_SAMPLES, x.size):
         name = max(grown, key=lambda name: float(grown[name][n]))
         raise InputError(
             file,
@@ -485,7 +491,7 @@ def monitor_free_motion(file: Path, edited: EditedModel, seconds: float) -> Moni
             f"{x[n]:.3g} s; give a key that starts further from a collision",
         )
     allowed = {
-        name: np.maximum(ROUNDING_SHARE, np.maximum.accumulate(part[:n]))
+        name: np.maximum(CHANNEL_ROUNDING_SHARE, np.maximum.accumulate(part[:n]))
         * sensor_scale(before, name)
         for name, part in grown.items()
     }
@@ -537,7 +543,7 @@ def with_fine_solution(
     step, x = model.opt.timestep, monitored.run.x
     stride = max(1, round((x[1] - x[0]) / step))
     thin = 1
-    while 2 * thin * stride <= MAX_STRIDE and x.size // (2 * thin) >= MIN_THINNED_SAMPLES:
+    while 2 * thin * stride <= MAX_STEPS_PER_SAMPLE and x.size // (2 * thin) >= MIN_THINNED_SAMPLES:
         thin *= 2
     run = replace(monitored.run, x=x[::thin])
     original = {name: curve[: x.size : thin] for name, curve in monitored.before.channels.items()}
@@ -560,7 +566,7 @@ def with_fine_solution(
                 ),
                 monitored.level,
             ).channels
-            for k in STEP_DIVISORS
+            for k in FINE_DIVISORS
         )
     except InputError as wrong:
         return monitored, f"{no_reference}to compare them with: {wrong.wrong}."
@@ -588,20 +594,20 @@ def with_fine_solution(
     for name, size in sizes.items():
         largest = max(
             (1 + ERROR_GROWTH) * float(deviations[name].max()),
-            ROUNDING_SHARE,
+            CHANNEL_ROUNDING_SHARE,
             allowed_share * ranges[name] / size,
         )
         if float(np.abs(coarse[name] - fine[name]).max()) / size > largest / 2:
             return monitored, (
                 f"{no_reference}to compare them with: {name} still changes between steps of "
-                f"{number(step / STEP_DIVISORS[0])} s and {number(step / STEP_DIVISORS[1])} s."
+                f"{number(step / FINE_DIVISORS[0])} s and {number(step / FINE_DIVISORS[1])} s."
             )
         allowed[name] = largest * size
     return replace(monitored, bound=Bound(run, allowed, fine)), (
         f"Options are compared with the fine solution of the same model, with steps of "
-        f"{number(step / STEP_DIVISORS[1])} s and constraints solved by Newton's method to 1e-14, "
+        f"{number(step / FINE_DIVISORS[1])} s and constraints solved by Newton's method to 1e-14, "
         f"over the first {number(float(run.x[-1]))} s: the error of a channel may be 1.1 times "
-        f"its error with the model's own options, {number(ROUNDING_SHARE)} of its size"
+        f"its error with the model's own options, {number(CHANNEL_ROUNDING_SHARE)} of its size"
         + (
             f" or {number(allowed_share)} of its range, whichever is most."
             if allowed_share
@@ -616,7 +622,7 @@ def sensor_scale(curves: Curves, name: str) -> float:
     largest = max(
         float(np.abs(v).max()) for n, v in curves.channels.items() if n.partition("[")[0] == sensor
     )
-    return largest if largest > ROUNDING_SHARE else 1.0
+    return largest if largest > CHANNEL_ROUNDING_SHARE else 1.0
 
 
 def run_original(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
@@ -627,7 +633,7 @@ def run_original(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0
     InputError
         The run fails.
     """
-    found = measure(attempt, model, run, nudge, timeout=RUN_TIMEOUT)
+    found = measure(attempt, model, run, nudge, timeout=ORIGINAL_RUN_TIMEOUT)
     if not isinstance(found, Measurement):
         return found
     if found.outcome == Outcome.NO_START:

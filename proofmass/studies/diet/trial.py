@@ -33,7 +33,7 @@ from proofmass.verdict.outcome import Outcome
 FREE_MOTION = "passive"  # the kind of run of a free motion, which is no run of a sidecar
 STEPPED_KINDS = ("dynamics", FREE_MOTION)  # kinds of runs with time steps
 MIN_ROUNDS_SECONDS = 0.5  # s, least counted time of all rounds
-MAX_ROUNDS = 250  # pairs of runs at most, since very short runs take longer than counted
+MAX_TIMED_PAIRS = 250  # pairs of runs at most, since very short runs take longer than counted
 INTERVAL_LEVEL = 0.99  # probability with which an interval contains its median
 
 TimeRange = tuple[float, float, float]
@@ -136,7 +136,7 @@ def compare_costs(
     sizes, steps, random = [0, 0], 0, Random(0)
     round_number, counted = 0, 0.0
     with pin_process(core):
-        while round_number <= rounds or (counted < span and round_number <= MAX_ROUNDS):
+        while round_number <= rounds or (counted < span and round_number <= MAX_TIMED_PAIRS):
             for k in random.sample((0, 1), 2):
                 seconds, curves, data = time_run(models[k], run)
                 sizes[k] = int(mujoco.mj_sizeModel(models[k]) + data.nbuffer + data.maxuse_arena)

@@ -63,8 +63,8 @@ from proofmass.studies.stress.boundary import (
 )
 from proofmass.studies.stress.limit_search import (
     LARGE_ERROR,
-    MAX_STEPS,
-    RUN_TIMEOUT,
+    MAX_SEARCH_STEPS,
+    SEARCH_RUN_TIMEOUT,
     LimitSearch,
     NotApplicable,
     Runner,
@@ -108,7 +108,7 @@ def search_energy_error(stressed: StressedCase) -> Iterator[LimitSearch]:
         "steps until the energy is off by 1 %",
         "1",
         stressed.seconds / stressed.step,
-        MAX_STEPS,
+        MAX_SEARCH_STEPS,
         partial(try_step_count, stressed, watched),
         [one for one in stressed.engine.schemes if one.conserves],
     )
@@ -151,7 +151,7 @@ def try_step_count(
         own, "dynamics", stressed.setting.with_parameters(**parameters), "stress", timed=False
     )
     found = stressed.store.once(
-        f"{task_key(task)}-energy", task, RUN_TIMEOUT, partial(measure_energy, task)
+        f"{task_key(task)}-energy", task, SEARCH_RUN_TIMEOUT, partial(measure_energy, task)
     )
     if found.outcome != Outcome.RAN:
         limit = kind_of_limit(found)
@@ -169,7 +169,7 @@ def try_step_count(
 
 def measure_energy(task: StudyRun) -> Measurement:
     """Run a task in a worker process, and measure its energy alone."""
-    return measure(simulate_energy, task, timeout=RUN_TIMEOUT)
+    return measure(simulate_energy, task, timeout=SEARCH_RUN_TIMEOUT)
 
 
 def simulate_energy(task: StudyRun) -> Measurement:
@@ -522,7 +522,7 @@ def search_run_length(stressed: StressedCase) -> Iterator[LimitSearch]:
         "steps",
         "1",
         own,
-        MAX_STEPS,
+        MAX_SEARCH_STEPS,
         lambda count: stressed.try_in_steps(
             with_longer_run(case, count / own, stressed.seconds), count * stressed.step
         ),

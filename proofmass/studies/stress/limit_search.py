@@ -65,9 +65,9 @@ JUDGED_ERROR_KINDS: dict[Kind, tuple[str, ...]] = {
     "equilibrium": ("position", "force"),
     "dynamics": ("position",),
 }
-RUN_TIMEOUT = 60.0  # [s] of a run
-MAX_STEPS = 1_000_000  # steps of the longest runs
-STEP_ROUNDING = 1e-9  # relative difference of two time steps that is only rounding
+SEARCH_RUN_TIMEOUT = 60.0  # [s] of a run
+MAX_SEARCH_STEPS = 1_000_000  # steps of the longest runs
+SAME_STEP_SHARE = 1e-9  # relative difference of two time steps that is only rounding
 LIMIT_OF_OUTCOME: dict[str, BoundaryKind] = {
     Outcome.DIVERGED: BoundaryKind.UNSTABLE,
     Outcome.NOT_FINITE: BoundaryKind.UNSTABLE,
@@ -310,7 +310,7 @@ class StressedCase:
     kind: Kind
     setting: Setting
     store: Store
-    timeout: float = RUN_TIMEOUT
+    timeout: float = SEARCH_RUN_TIMEOUT
     runner: Runner | None = None
 
     @property
@@ -373,7 +373,7 @@ class StressedCase:
         """
         step = float(str(parameters.get("timestep", self.step)))
         found = self.try_case(with_whole_steps(case, seconds, step), **parameters)
-        if not (isnan(found.step) or isclose(found.step, step, rel_tol=STEP_ROUNDING)):
+        if not (isnan(found.step) or isclose(found.step, step, rel_tol=SAME_STEP_SHARE)):
             raise RuntimeError(
                 f"{self.case.name}, {self.setting.engine}: took steps of "
                 f"{found.step!r} s where {step!r} s were asked for"
@@ -423,7 +423,9 @@ class StressedCase:
         )
 
 
-def measure_or_read(task: StudyRun, store: Store, timeout: float = RUN_TIMEOUT) -> Measurement:
+def measure_or_read(
+    task: StudyRun, store: Store, timeout: float = SEARCH_RUN_TIMEOUT
+) -> Measurement:
     """Make a run, or read it from the store if it was made before.
 
     Its processor time is not used, so the run does not need a processor of its own.
@@ -443,7 +445,7 @@ def attribute_timeout(task: StudyRun, late: Measurement) -> Measurement:
     The engine is run alone: if it fails again the measurement is kept as it is, otherwise the
     outcome is that there is no reference.
     """
-    if isinstance(measure(simulate_task, task, timeout=RUN_TIMEOUT), Measurement):
+    if isinstance(measure(simulate_task, task, timeout=SEARCH_RUN_TIMEOUT), Measurement):
         return late
     message = f"{late.message}; the engine has its run"
     return Measurement(outcome=Outcome.NO_REFERENCE, message=message)
@@ -451,7 +453,7 @@ def attribute_timeout(task: StudyRun, late: Measurement) -> Measurement:
 
 def can_compile(case: Case) -> bool:
     """Whether the model of a case compiles; it is tried in a worker process."""
-    return cast(bool, call_isolated(compiles, case.model_path, timeout=RUN_TIMEOUT))
+    return cast(bool, call_isolated(compiles, case.model_path, timeout=SEARCH_RUN_TIMEOUT))
 
 
 def find_failure(measurement: Measurement, run: Kind) -> Failure | None:

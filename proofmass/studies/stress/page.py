@@ -400,7 +400,7 @@ def describe_theory(one: Boundary) -> str:
     return f" Theory: {with_unit(one, number(one.theory, 4))}{of}{law}."
 
 
-ROW_HEIGHT, FIGURE_WIDTH, MARGIN_HEIGHT = (0.17, 7.2, 0.75)
+LIMITS_ROW_HEIGHT, LIMITS_WIDTH, LIMITS_MARGIN = (0.17, 7.2, 0.75)
 """Height of a row, width of the figure, and upper and lower margin [inch]."""
 COLOUR_SHARE = 0.35  # share of an engine's colour in its bars; the rest is white
 Style = tuple[Look, str]
@@ -421,8 +421,8 @@ def stress_figure(found: Sequence[Boundary]) -> Figure:
         for parameter in dict.fromkeys(one.parameter for one in found)
     ]
     rows = len(found) + len(groups)
-    height = ROW_HEIGHT * rows + 2 * MARGIN_HEIGHT
-    figure = Figure(figsize=(FIGURE_WIDTH, height))
+    height = LIMITS_ROW_HEIGHT * rows + 2 * LIMITS_MARGIN
+    figure = Figure(figsize=(LIMITS_WIDTH, height))
     axes = figure.subplots(
         1, 2 if known else 1, sharey=True, squeeze=False, width_ratios=[3, 1] if known else None
     )[0]

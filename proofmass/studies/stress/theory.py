@@ -33,7 +33,7 @@ def hencky_load(segments: int) -> float:
     return float(4.0 * segments**2 * np.sin(np.pi / (4 * segments)) ** 2)
 
 
-MAX_STEPS = 200_000
+UNLIMITED_STEPS = 200_000
 """An oscillation whose error is small after so many steps is taken to have no limit."""
 
 
@@ -53,8 +53,8 @@ def periods_until_error(scheme: Scheme, z: float, share: float = 0.1) -> float:
     start = np.array([1.0, -(z**2) / 2 if scheme.half_kick else 0.0])
     parts = vectors[0] * np.linalg.solve(vectors, start)
     first, end = 0, 1000
-    while first < MAX_STEPS:
-        steps = np.arange(first, min(end, MAX_STEPS))
+    while first < UNLIMITED_STEPS:
+        steps = np.arange(first, min(end, UNLIMITED_STEPS))
         position = 2.0 * (parts[0] * np.exp(np.log(values[0]) * steps)).real  # and its conjugate
         is_off = np.abs(position - np.cos(z * steps)) > 2.0 * share
         if is_off.any():

@@ -27,7 +27,7 @@ from proofmass.studies.trade.verify import setting_as_used
 
 FINAL_SHARE = 0.1
 """Share of a run, at its end, over which the rate is taken."""
-REST_TOLERANCE = 1e-9
+REST_MOTION = 1e-9
 """Largest motion of the reference in that time for it to be at rest [extents of the model]."""
 RATE_MARGIN = 1.05
 """Ratio of the wanted rate to the rate that a proposed setting aims at."""
@@ -86,7 +86,7 @@ def find_resting_channels(case: Case) -> list[str]:
     """
     x = run_samples(case, "dynamics")
     final = final_samples(x)
-    largest_motion = REST_TOLERANCE * size(compiled_model(case), case.start)
+    largest_motion = REST_MOTION * size(compiled_model(case), case.start)
     reference = evaluate(case, "dynamics", x, None).channels
     places = [name for name, c in case.channels_of("dynamics").items() if c.si_unit == "m"]
     found = [name for name in places if np.ptp(reference[name][final]) <= largest_motion]

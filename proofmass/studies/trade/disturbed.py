@@ -58,7 +58,7 @@ MIN_SAMPLES = 11
 """Least number of samples at which errors are judged."""
 ROUNDING_ULPS = 4
 """Relative change of masses in machine epsilons, after which each step rounds differently."""
-ROUNDING_SHARE = 0.3
+ROUNDING_CAUSE_SHARE = 0.3
 """Share of an error by which roundings must move the result for rounding to be its cause."""
 
 

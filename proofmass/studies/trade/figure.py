@@ -33,7 +33,7 @@ from proofmass.verdict.outcome import Outcome
 LINE_COLOUR = "#888888"
 SHARED_LETTER_DISTANCE = 9.0
 """Distance of ends of series up to which their letters share one place [pt]."""
-SAME_FLOOR_RATIO = 3.0
+SHARED_TEXT_RATIO = 3.0
 """Ratio of error floors of one cause up to which they share one text in the margin."""
 MARGIN_CHARACTERS = 26  # characters in a line of the margin
 MARGIN_LINE_HEIGHT = 0.06  # height of a line of the margin, as a share of the height of a panel
@@ -178,7 +178,7 @@ def draw_floors(
             (
                 g
                 for g in groups
-                if g[0].cause == verdict.cause and verdict.floor < SAME_FLOOR_RATIO * g[0].floor
+                if g[0].cause == verdict.cause and verdict.floor < SHARED_TEXT_RATIO * g[0].floor
             ),
             None,
         )

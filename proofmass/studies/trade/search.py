@@ -53,7 +53,7 @@ from proofmass.verdict.outcome import Outcome
 TIMING_REPEATS = 2  # repeats, for their times, of each setting that may be the cheapest
 CLOSE_STEP_RATIO = 1.25
 """Ratio of a step to a good enough one below which no step between them is tried."""
-MAX_STEP_RATIO = 30.0  # largest ratio of a step to the next one
+MAX_REFINEMENT_RATIO = 30.0  # largest ratio of a step to the next one
 COST_RATIO = 2.0
 """Ratio to the cost of the cheapest setting up to which settings are followed, and timed again in
 rounds: counted costs do not tell smaller ratios apart."""
@@ -173,7 +173,7 @@ class SettingFamily:
                 < SAME_ORDER_TOLERANCE
             )
             return None if order_holds else last.value / TRIAL_STEP_RATIO
-        return max(wanted, last.value / MAX_STEP_RATIO)
+        return max(wanted, last.value / MAX_REFINEMENT_RATIO)
 
 
 def whole_step(sample: float, wanted: float) -> float:
@@ -441,7 +441,7 @@ def refine_for_drives(
     for row, drive_error in tried:
         if wanted < drive_error < OTHER_MOTION_ERROR:
             finer = (
-                max((AIMED_ERROR_SHARE * wanted / drive_error) ** 0.5, 1 / MAX_STEP_RATIO)
+                max((AIMED_ERROR_SHARE * wanted / drive_error) ** 0.5, 1 / MAX_REFINEMENT_RATIO)
                 * row.value
             )
             step = whole_step(sample, finer)

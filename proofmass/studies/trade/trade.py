@@ -40,7 +40,7 @@ from proofmass.studies.run import LONG_RUN_SECONDS, Progress, run_tasks
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import is_default
 from proofmass.studies.trade.disturbed import (
-    ROUNDING_SHARE,
+    ROUNDING_CAUSE_SHARE,
     DisturbedMotion,
     disturb_motions,
     end_at_horizon,
@@ -588,7 +588,7 @@ def format_drive_error(row: StudyRow, kind: str) -> str:
 def judge_rounding(row: StudyRow, kind: str, moved_by: Mapping[str, float]) -> tuple[str, str]:
     """Cause and evidence: rounding, if it moves the result by enough; else `UNKNOWN_CAUSE`."""
     moved, error = moved_by.get(kind, NAN), row.errors.get(kind, NAN)
-    if not moved >= ROUNDING_SHARE * error:
+    if not moved >= ROUNDING_CAUSE_SHARE * error:
         return UNKNOWN_CAUSE, ""
     return ROUNDING_CAUSE, (
         f"roundings of masses and start move the result by {number(moved, 2)} where "

@@ -257,7 +257,7 @@ def test_a_correction_above_its_limit_ends_the_path_as_a_fold(monkeypatch):
     assert np.isfinite(
         solve(UP_AND_BACK[:5], **row_parameters(LINE_1766), friction2=0.02)["theta1"]
     ).all()
-    monkeypatch.setattr(friction_of_balancers, "MAX_CORRECTION", 0.0)
+    monkeypatch.setattr(friction_of_balancers, "MAX_SLIP_CORRECTION", 0.0)
     with pytest.raises(ValueError, match="the equilibrium ends at a fold"):
         solve(UP_AND_BACK[:5], **row_parameters(LINE_1766), friction2=0.02)
 

@@ -224,7 +224,7 @@ def test_the_setting_settled_gives_equilibria_without_rates(write_balancer):
 
 
 def test_an_engine_that_does_not_come_to_rest_is_an_error(write_balancer, monkeypatch):
-    monkeypatch.setattr(settling, "MAX_STEPS", 200)
+    monkeypatch.setattr(settling, "MAX_SETTLING_STEPS", 200)
     with pytest.raises(
         NotSolved, match=r"not at rest after 150 steps at pendulum = 0.17.*moves at"
     ):

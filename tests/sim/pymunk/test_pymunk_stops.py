@@ -103,7 +103,7 @@ def test_a_large_preload_keeps_a_joint_on_its_stop(name, tmp_path):
 
 def test_a_step_without_solution_after_all_iterations_is_an_error(tmp_path, monkeypatch):
     """Tens of thousands of iterations are needed where a joint comes to its stop."""
-    monkeypatch.setattr(quasi_static, "MAX_ITERATIONS", 2000)
+    monkeypatch.setattr(quasi_static, "MAX_REPEATED_ITERATIONS", 2000)
     with pytest.raises(NotSolved, match="a step is not solved after 2000 iterations"):
         light_balancer_curves(tmp_path, LOCKED_BALANCERS["four"], [5.0], ("holding_moment",))
 
@@ -113,7 +113,7 @@ def test_a_joint_on_its_stop_is_no_error_of_the_model_if_the_loops_are_closed(
 ):
     """Here no number of short steps counts as rest."""
     monkeypatch.setattr(quasi_static, "STEPS_AT_REST", 1000)
-    monkeypatch.setattr(quasi_static, "MAX_STEPS", {True: 40})
+    monkeypatch.setattr(quasi_static, "STEP_LIMITS", {True: 40})
     with pytest.raises(NotSolved, match="not at rest after 40 steps") as caught:
         light_balancer_curves(tmp_path, LOCKED_BALANCERS["four"], [5.0], ("holding_moment",))
     (gap,) = re.findall(r"open by (\S+) m", str(caught.value))

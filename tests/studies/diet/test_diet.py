@@ -204,7 +204,7 @@ def test_a_channel_may_change_by_a_tenth_of_tolerance_minus_error():
 
 def test_a_diet_that_allows_too_much_removes_the_pin_of_the_loop(tmp_path, monkeypatch):
     # a mutation: with a loose tolerance the diet removes the pin of the loop
-    monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING_SHARE", 1e6)
+    monkeypatch.setattr("proofmass.studies.diet.scene.CHANNEL_ROUNDING_SHARE", 1e6)
     _, found = search_without_timing(write_core_model(tmp_path))
     assert "pin" not in element_names(found.reduced.spec)["equalities"]
 

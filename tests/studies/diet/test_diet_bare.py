@@ -93,7 +93,7 @@ def test_without_its_ballast_a_scene_moves_the_same_up_to_rounding(tmp_path):
 
 def test_changes_that_are_too_large_show_in_bare_mujoco(tmp_path, monkeypatch):
     # a mutation of the diet itself: changes up to the whole size of a channel count as rounding
-    monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING_SHARE", 1.0)
+    monkeypatch.setattr("proofmass.studies.diet.scene.CHANNEL_ROUNDING_SHARE", 1.0)
     file = write_core_model(tmp_path, **{**BALLAST, "option": ""})
     _, reduced = run_diet_and_write(file, tmp_path, 0.3)
     assert compare_in_bare_mujoco(file, reduced, 0.3, joints=["arm"])["arm"]["moved"] > 0.01

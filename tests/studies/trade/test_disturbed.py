@@ -19,7 +19,7 @@ from proofmass.studies.trade import trade
 from proofmass.studies.trade.disturbed import (
     DISTURBANCE,
     MIN_SAMPLES,
-    ROUNDING_SHARE,
+    ROUNDING_CAUSE_SHARE,
     DisturbedMotion,
     classify_motion,
     disturb_motion,
@@ -200,16 +200,16 @@ def test_roundings_change_a_run_by_no_more_than_their_growth(double_pendulum, tm
     """The change is at most a rounding of 1e-15 in each of 5000 steps, times a growth of 1e3.
 
     It is not the error of RK4.  Rounding is the cause of an error if the change by rounding is more
-    than `ROUNDING_SHARE` of that error.
+    than `ROUNDING_CAUSE_SHARE` of that error.
     """
     case = shortened_case(double_pendulum, 5.0)
     away = measure_rounding(StudyRun(case, "dynamics", RK4), Store(tmp_path), 60.0)["position"]
     assert 1e-16 < away < 5000 * 1e-15 * 1e3
     row = StudyRow(
-        "", "", "", "mujoco", "", "", 1e-3, errors={"position": away / ROUNDING_SHARE * 0.99}
+        "", "", "", "mujoco", "", "", 1e-3, errors={"position": away / ROUNDING_CAUSE_SHARE * 0.99}
     )
     assert trade.judge_rounding(row, "position", {"position": away})[0] == "rounding"
-    far = replace(row, errors={"position": away / ROUNDING_SHARE * 1.01})
+    far = replace(row, errors={"position": away / ROUNDING_CAUSE_SHARE * 1.01})
     assert trade.judge_rounding(far, "position", {"position": away}) == ("unknown", "")
     assert trade.judge_rounding(row, "position", {})[0] == "unknown"
 

@@ -29,7 +29,7 @@ CURVE_SAMPLES = 721
 """Number of samples of a singular curve; between two of them the working mode may change once."""
 QUADRATURE_PARTS, QUADRATURE_NODES = 8, 24
 """Gauss quadrature along a piece of a curve: number of parts, and of nodes in each part."""
-BISECTIONS = 60
+MODE_BISECTIONS = 60
 """Number of bisections of an interval in which the mode changes: to the last bit."""
 
 
@@ -185,7 +185,7 @@ def divide_by_mode(
     for k, sign in enumerate(sides(u)):
         changes = np.flatnonzero(sign[:-1] != sign[1:])
         low, high, before = u[changes], u[changes + 1], sign[changes]
-        for _ in range(BISECTIONS):
+        for _ in range(MODE_BISECTIONS):
             middle = 0.5 * (low + high)
             same = sides(middle)[k] == before
             low, high = np.where(same, middle, low), np.where(same, high, middle)

@@ -22,12 +22,12 @@ from proofmass.analytic.linkages.threeprr.kinematics import (
 from proofmass.analytic.numerics import TURN, broadcast_motion, check_finite, check_number
 from proofmass.base.arrays import Array, Complex
 
-CURVE_SAMPLES = 721
+SLICE_CURVE_SAMPLES = 721
 """Number of samples of a singular curve, which may leave the slice once between two of them."""
-QUADRATURE_PARTS = 8
+SLICE_PARTS = 8
 """Number of parts of a piece of a curve, each with its own Gauss quadrature."""
-QUADRATURE_NODES, QUADRATURE_WEIGHTS = np.polynomial.legendre.leggauss(24)
-BISECTIONS = 60
+SLICE_NODES, SLICE_WEIGHTS = np.polynomial.legendre.leggauss(24)
+SLICE_BISECTIONS = 60
 """Number of bisections of an interval in which a curve leaves the slice: to the last bit."""
 ZERO_VECTOR_SHARE = 1e-9
 """Share of the largest possible |w|; a smaller |w| is zero, but for rounding."""
@@ -134,11 +134,11 @@ def type_2_of_slice(part: WorkspaceSlice, mode: int) -> list[CurvePiece]:
         w = level(u)
         return np.asarray(center - side * np.where(w.imag < 0.0, -leg, leg) * w.real / np.abs(w))
 
-    u = np.linspace(0.0, np.pi, CURVE_SAMPLES + 1)[:-1] + 0.5 * np.pi / CURVE_SAMPLES
+    u = np.linspace(0.0, np.pi, SLICE_CURVE_SAMPLES + 1)[:-1] + 0.5 * np.pi / SLICE_CURVE_SAMPLES
     sign = np.signbit(level(u).imag)
     changes = np.flatnonzero(sign[:-1] != sign[1:])
     first, last, before = u[changes], u[changes + 1], sign[changes]
-    for _ in range(BISECTIONS):
+    for _ in range(SLICE_BISECTIONS):
         middles = 0.5 * (first + last)
         same = np.signbit(level(middles).imag) == before
         first, last = np.where(same, middles, first), np.where(same, last, middles)
@@ -153,10 +153,10 @@ def type_2_of_slice(part: WorkspaceSlice, mode: int) -> list[CurvePiece]:
         along = np.linspace(start, end, max(25, int(80 * (end - start))))
         across = np.concatenate([end_x[:1], x(along[1:-1]), end_x[1:]])
         points = across + 1j * (middle - half * np.cos(along))
-        knots = np.linspace(start, end, QUADRATURE_PARTS + 1)
+        knots = np.linspace(start, end, SLICE_PARTS + 1)
         step = 0.5 * np.diff(knots)[:, None]
-        inner = knots[:-1, None] + step * (1.0 + QUADRATURE_NODES)
-        integral = float(np.sum(x(inner) * half * np.sin(inner) * step * QUADRATURE_WEIGHTS))
+        inner = knots[:-1, None] + step * (1.0 + SLICE_NODES)
+        integral = float(np.sum(x(inner) * half * np.sin(inner) * step * SLICE_WEIGHTS))
         end_pair = points[[0, -1]]
         piece = CurvePiece(
             points, integral - 0.5 * float(np.diff(end_pair.real * end_pair.imag)[0])
