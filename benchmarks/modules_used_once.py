@@ -3,8 +3,8 @@
     python -m benchmarks.modules_used_once [--quick]
 
 A use is an import, at the top of a module or in a function.  Modules that a table names are left
-out, because users reach them by this name: entry points, references of sidecars (`REFERENCES`) and
-names of the package (`PUBLIC`).  A package counts if it has more than a docstring.  A module is
+out, because users reach them by this name: entry points, such as those of references, and names
+of the package (`PUBLIC`).  A package counts if it has more than a docstring.  A module is
 found by name if an example or a benchmark imports it, or if a page of the documentation or
 CONTRIBUTING.md names its file.
 
@@ -23,7 +23,6 @@ import grimp
 
 from benchmarks import ROOT, command
 from proofmass import PUBLIC
-from proofmass.analytic import REFERENCES
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -65,7 +64,6 @@ def users_of_modules() -> dict[str, list[str]]:
 def tables() -> Iterable[Iterable[str]]:
     """Names of modules in tables: references, names of the package, entry points."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    yield REFERENCES.values()
     yield (f"proofmass.{module}" for module in set(PUBLIC.values()))
     for group in (project["scripts"], *project["entry-points"].values()):
         yield (target.partition(":")[0] for target in group.values())

@@ -12,12 +12,8 @@ import pytest
 from proofmass.base.errors import InputError
 from proofmass.base.recording import Recorded
 from proofmass.case.case import Case
-from proofmass.reference.reference import (
-    ReferenceCurves,
-    evaluate,
-    load_reference,
-    run_samples,
-)
+from proofmass.reference.find import load_reference
+from proofmass.reference.reference import ReferenceCurves, evaluate, run_samples
 from proofmass.reference.run_reference import RunReference, changeable_parameters
 from proofmass.report.tables import (
     format_detectable_changes,

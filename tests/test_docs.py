@@ -18,10 +18,10 @@ from pydantic_core import PydanticUndefined
 
 import proofmass
 from proofmass import Case, check, load_case
-from proofmass.analytic import REFERENCES
-from proofmass.analytic.chart import Chart
+from proofmass.analytic.protocol import REQUIRED
 from proofmass.base.recorded import RecordedColumn
 from proofmass.case.case import ProfileTable
+from proofmass.reference.find import find_reference, reference_names
 from proofmass.run.sidecar import Accuracy
 from proofmass.sim.mujoco.engine import MujocoSettings
 from proofmass.sim.protocol.engine import Engine
@@ -32,20 +32,6 @@ from proofmass.verdict.outcome import GOOD_OUTCOMES
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-PARAMETERS_FROM_CASE = (
-    "model",
-    "start",
-    "joints",
-    "inertia",
-    "only",
-    "controls",
-    "control_rates",
-    "control_profiles",
-    "in_time",
-    "terms",
-    "closely",
-    "load_rates",
-)  # parameters that a reference gets from the case, not from [parameters]
 
 
 def page_text(name: str) -> str:
@@ -179,13 +165,10 @@ def test_keys_of_recorded_curves_are_documented(
 def test_references_and_their_parameters_are_documented() -> None:
     there = table_rows(section(page_text("sidecar"), "References").split("Further functions")[0])
     there = {name: row for name, row in there.items() if len(row) == 2}
-    assert list(there) == list(REFERENCES)
+    assert sorted(there) == sorted(reference_names())
     for name, (_, parameters) in there.items():
-        solve = importlib.import_module(REFERENCES[name]).solve
         takes = {
-            p.name: p.default is p.empty
-            for p in inspect.signature(solve).parameters.values()
-            if p.kind is p.KEYWORD_ONLY and p.name not in PARAMETERS_FROM_CASE
+            key: one.default is REQUIRED for key, one in find_reference(name).parameters.items()
         }
         told = {word: bool(bold) for bold, word in re.findall(r"(\*\*)?`(\w+)`", parameters)}
         assert told == takes, name
@@ -193,24 +176,13 @@ def test_references_and_their_parameters_are_documented() -> None:
 
 def test_functions_that_a_sidecar_can_name_are_documented() -> None:
     there = table_rows(section(page_text("sidecar"), "Functions of references"))
-    for name, module in REFERENCES.items():
-        own = importlib.import_module(module)
-        functions = {
-            key: function
-            for key, function in inspect.getmembers(own, inspect.isfunction)
-            if key in getattr(own, "__all__", dir(own))
-        }
-        charts = [
-            key
-            for key, function in functions.items()
-            if inspect.signature(function).return_annotation is Chart
-        ]
-        profiles, marks, draw = (
-            re.findall(r"`(\w+)`", cell) for cell in there.get(name, ["", "", ""])
-        )
-        assert draw == charts, name
-        assert marks == [key for key in functions if key == "events"], name
-        assert set(profiles) <= functions.keys(), name
+    for name in reference_names():
+        reference = find_reference(name)
+        cells = there.get(name, ["", "", ""])
+        for cell, functions in zip(
+            cells, (reference.profiles, reference.marks, reference.charts), strict=True
+        ):
+            assert re.findall(r"`(\w+)`", cell) == [one.__name__ for one in functions], name
 
 
 def test_the_engine_on_the_page_has_the_protocol_of_engines() -> None:

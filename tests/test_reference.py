@@ -5,19 +5,20 @@ Most modules of references are stubs that are made here; a few are shipped ones.
 
 import os
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from proofmass.analytic.linkages import fivebar, fourbar
 from proofmass.analytic.numerics import NotCovered
+from proofmass.analytic.protocol import Mode, Position, Reference
 from proofmass.base.errors import InputError
 from proofmass.base.recorded import RecordedTable, RecordingTable
 from proofmass.base.recording import Recorded
 from proofmass.case.case import Beside, Channel, DriveTable, LoadTable
 from proofmass.case.drive import Samples
 from proofmass.reference import reference
+from proofmass.reference.find import load_reference
 from proofmass.reference.reference import (
     all_quantities,
     assembly_modes,
@@ -27,7 +28,6 @@ from proofmass.reference.reference import (
     drive_profiles,
     evaluate,
     load_profiles,
-    load_reference,
     properties,
     recorded_column,
     reference_channels,
@@ -92,13 +92,21 @@ def error_of(function, *args, **named):
     return error.value.file, error.value.key, error.value.wrong
 
 
-def use_closed_form(monkeypatch, **functions):
-    """Replace the reference module of all cases by one with these functions."""
-    monkeypatch.setattr(
-        reference,
-        "load_reference",
-        lambda case: SimpleNamespace(__name__=case.reference, **functions),
-    )
+def make_reference(solve=None, **attributes) -> type[Reference]:
+    """A reference with parameters `length` and `mode`, whose method calls a function."""
+
+    def call(self, motion, ask):
+        return solve(motion, ask, **self.values)
+
+    fields = {"__annotations__": {"length": Position, "mode": Mode}, "length": 1.0, "mode": 1}
+    return type("Made", (Reference,), {**fields, "solve": call, **attributes})
+
+
+def use_reference(monkeypatch, **attributes):
+    """Let all cases have a reference with these attributes of its class."""
+    made = make_reference(**attributes)
+    monkeypatch.setattr(reference, "load_reference", lambda case: made)
+    monkeypatch.setattr(reference, "reference_class", lambda case: made)
 
 
 def use_recorded_curve(monkeypatch, **columns) -> Recorded:
@@ -113,23 +121,24 @@ def use_recorded_curve(monkeypatch, **columns) -> Recorded:
         RecordedTable(Path(RECORDED.reference), units, rows), RecordingTable.model_validate({})
     )
     monkeypatch.setattr(reference, "load_reference", lambda case: curve)
+    monkeypatch.setattr(reference, "reference_class", lambda case: None)
     return curve
 
 
-def test_a_reference_is_the_module_of_its_name():
-    assert load_reference(FOURBAR) is fourbar
-    assert load_reference(FIVEBAR) is fivebar
+def test_a_reference_is_the_class_of_its_name():
+    assert load_reference(FOURBAR) is fourbar.FourBar
+    assert load_reference(FIVEBAR) is fivebar.FiveBar
 
 
 def test_an_unknown_reference_is_reported_with_the_nearest_and_all_names():
     file, key, words = error_of(load_reference, with_tables(FOURBAR, reference="forbar"))
     assert (file, key) == (FOURBAR.file, "reference")
     head, _, names = words.partition("there are: ")
-    assert head == "no closed form 'forbar'; did you mean 'fourbar'? "
+    assert head == "no reference 'forbar'; did you mean 'fourbar'? "
     names, _, tail = names.partition("; ")
     assert names.split(", ") == sorted(names.split(", "))
     assert {"fourbar", "pendulum", "planar"} <= set(names.split(", "))
-    assert tail == "or name a recorded curve NAME.csv"
+    assert tail == "or name a recorded curve NAME.csv or a program NAME.py"
 
 
 def test_a_recorded_curve_is_read_again_only_if_its_file_has_changed(models):
@@ -281,8 +290,8 @@ def freely(t, **rates):
 RAMP_PROFILE = {"profile": "ramp", "until": 1.0, "parameters": {"rate": 2.0}}
 
 
-def test_a_motion_profile_is_a_function_of_the_module_of_the_reference(monkeypatch):
-    use_closed_form(monkeypatch, ramp=ramp, fan=fan, freely=freely)
+def test_a_motion_profile_is_a_function_that_the_reference_names(monkeypatch):
+    use_reference(monkeypatch, profiles=(ramp, fan, freely))
     assert drive_motion(with_drives(RAMP_PROFILE), "dynamics") == [
         [0.0, 0.5, 2.0],
         [2.0] * 3,
@@ -299,8 +308,8 @@ def test_a_motion_profile_is_a_function_of_the_module_of_the_reference(monkeypat
 
 
 def test_a_missing_motion_profile_is_reported_at_its_key(monkeypatch):
-    use_closed_form(monkeypatch, ramp=ramp)
-    words = "reference fourbar has no function 'rump'"
+    use_reference(monkeypatch, profiles=(ramp,))
+    words = "reference fourbar has no motion profile 'rump'; did you mean 'ramp'? there are: ramp"
     assert error_of(
         drive_profile, with_drives({**RAMP_PROFILE, "profile": "rump"}), "sweep", 0
     ) == (
@@ -323,7 +332,7 @@ def test_a_missing_motion_profile_is_reported_at_its_key(monkeypatch):
 
 
 def test_an_unknown_parameter_of_a_motion_profile_is_reported(monkeypatch):
-    use_closed_form(monkeypatch, ramp=ramp)
+    use_reference(monkeypatch, profiles=(ramp,))
     words = "ramp() has no such parameter; did you mean 'rate'? known: rate, other"
     bad = {**RAMP_PROFILE, "parameters": {"rte": 2.0}}
     assert error_of(drive_profile, with_drives(bad), "sweep", 0) == (
@@ -346,17 +355,19 @@ def test_an_unknown_parameter_of_a_motion_profile_is_reported(monkeypatch):
 def recording_reference(calls, **found):
     """A reference that appends its arguments to a list and returns these quantities."""
 
-    def solve(*args, length=1.0, mode=1):
-        calls.append((args, length, mode))
+    def solve(motion, ask, length=1.0, mode=1):
+        calls.append((motion.arguments, length, mode))
         return found
 
-    return SimpleNamespace(solve=solve)
+    return make_reference(solve)
 
 
 def test_a_closed_form_gets_the_time_or_the_motion_of_the_drives():
     calls = []
     truth = recording_reference(calls, a=X)
-    assert call_reference(FOURBAR, "sweep", truth, X, None, {"length": 2.0}) == {"a": X}
+    found = call_reference(FOURBAR, "sweep", truth, X, None, {"length": 2.0})
+    assert list(found) == ["a"]
+    assert found["a"] is X
     one, two = np.ones((1, 3)), np.ones((2, 3))
     call_reference(FOURBAR, "sweep", truth, X, (one, 2 * one, 3 * one), {"mode": -1})
     call_reference(FIVEBAR, "sweep", truth, X, (two, 2 * two, 3 * two), {})
@@ -369,18 +380,25 @@ def test_a_closed_form_gets_the_time_or_the_motion_of_the_drives():
 
 
 def test_a_reference_that_reads_the_model_gets_model_start_and_joints():
-    def solve(time, *, model, start, joints, gravity=9.81):
-        return {"given": (model, start, joints, gravity)}
+    given = []
 
-    truth, case = SimpleNamespace(solve=solve), with_tables(FIVEBAR, start="elsewhere")
-    given = call_reference(case, "sweep", truth, X, None, {"gravity": 1.6})["given"]
-    assert given == (compiled_model(FIVEBAR), "elsewhere", ("left", "right"), 1.6)
-    for name in ("model", "start", "joints"):  # these come from the case, not from [parameters]
-        assert error_of(call_reference, case, "sweep", truth, X, None, {name: 3.0}) == (
-            FIVEBAR.file,
-            f"parameters.{name}",
-            "reference fivebar has no such parameter; known: gravity",
-        )
+    def solve(motion, ask, length):
+        given.append((ask.of_model.model, ask.of_model.start, ask.of_model.joints, length))
+        return {}
+
+    truth = make_reference(solve, reads_model=True)
+    case = with_tables(FIVEBAR, start="elsewhere")
+    assert call_reference(case, "sweep", truth, X, None, {"length": 1.6}) == {}
+    assert given == [(compiled_model(FIVEBAR), "elsewhere", ("left", "right"), 1.6)]
+
+
+def test_a_reference_that_does_not_say_so_gets_no_model():
+    truth = make_reference(lambda motion, ask, length: {"a": ask.of_model.model})
+    assert error_of(call_reference, FIVEBAR, "sweep", truth, X, None, {"length": 1.6}) == (
+        FIVEBAR.file,
+        "parameters",
+        "it reads no model: a class that does states reads_model = True",
+    )
 
 
 def test_an_unknown_parameter_of_a_reference_is_reported():
@@ -412,10 +430,10 @@ def test_an_unknown_parameter_of_a_reference_is_reported():
 def failing_reference(error):
     """A reference that raises this error."""
 
-    def solve(*_, length=1.0):
+    def solve(*_, **__):
         raise error
 
-    return SimpleNamespace(solve=solve)
+    return make_reference(solve)
 
 
 def test_a_model_that_a_reference_does_not_cover_is_an_error_of_the_model():
@@ -464,7 +482,8 @@ def test_an_unexpected_error_of_a_reference_is_not_bad_input():
 
 def test_a_closed_form_is_evaluated_at_the_given_parameters(monkeypatch):
     calls = []
-    monkeypatch.setattr(reference, "load_reference", lambda case: recording_reference(calls, a=X))
+    made = recording_reference(calls, a=X)
+    monkeypatch.setattr(reference, "load_reference", lambda case: made)
     found = all_quantities(FOURBAR, "sweep", X, None, {"length": 2.0})
     assert {name: found[name] for name in found if "drive." not in name} == {"a": X}
     assert calls[0][1] == 2.0
@@ -500,7 +519,7 @@ def test_columns_of_a_recorded_curve_end_with_the_samples_of_the_run(monkeypatch
 
 
 def test_channels_are_scaled_and_shifted_quantities_in_their_unit(monkeypatch):
-    use_closed_form(monkeypatch)
+    use_reference(monkeypatch)
     case = with_tables(
         FOURBAR,
         channels={
@@ -520,7 +539,7 @@ def test_channels_are_scaled_and_shifted_quantities_in_their_unit(monkeypatch):
 
 
 def test_an_unknown_quantity_of_a_channel_is_reported(monkeypatch):
-    use_closed_form(monkeypatch)
+    use_reference(monkeypatch)
     case = with_tables(FOURBAR, channels={"rate": Channel(equals="crnk", unit="m")})
     assert error_of(reference_channels, case, X, {"crank": X, "rocker": X}) == (
         FOURBAR.file,
@@ -566,10 +585,12 @@ def test_a_reference_is_evaluated_at_its_parameters_and_at_changed_ones():
 
 
 def test_properties_are_those_of_the_case_or_of_compared_parameters(monkeypatch):
-    def tell(*, length, mode=1):
-        return {"length": f"{length:g} m"}
+    def tell(self, motion, ask):
+        if "length" not in self.values:
+            raise ValueError("no length")
+        return {"length": f"{self.length:g} m"}
 
-    use_closed_form(monkeypatch, properties=tell)
+    use_reference(monkeypatch, properties=tell)
     case = with_tables(
         FOURBAR,
         parameters={"length": 2.0, "mode": -1},
@@ -581,15 +602,15 @@ def test_properties_are_those_of_the_case_or_of_compared_parameters(monkeypatch)
     assert properties(case) == {"length": "2 m"}
     assert properties(case, "x") == {"length": "3 m"}
     assert properties(case, "bad") == {}, "errors of the parameters are reported by the runs"
-    use_closed_form(monkeypatch)
+    use_reference(monkeypatch)
     assert properties(case) == {}
 
 
 def test_impossible_parameters_have_no_properties(monkeypatch):
-    def tell(**_):
+    def tell(*_):
         raise ValueError("too short")
 
-    use_closed_form(monkeypatch, properties=tell)
+    use_reference(monkeypatch, properties=tell)
     assert properties(FOURBAR) == {}
 
 

@@ -3,7 +3,6 @@
 import os
 import sys
 from dataclasses import replace
-from functools import wraps
 
 import numpy as np
 import pytest
@@ -184,9 +183,11 @@ def test_views_reuse_the_reference_that_was_compared(monkeypatch):
     assert truth.shown.keys() == {"energy1", "energy2", "energy3", "weight_energy"}
     curves = Curves(x, truth.channels, drive=state)
     calls = []
-    solve = balancer.solve
+    solve = balancer.BalancerReference.function
     monkeypatch.setattr(
-        balancer, "solve", wraps(solve)(lambda *a, **k: calls.append(k) or solve(*a, **k))
+        balancer.BalancerReference,
+        "function",
+        staticmethod(lambda *a, **k: calls.append(k) or solve(*a, **k)),
     )
     kept_evaluations.clear()
     found = compare(case, "sweep", "mujoco", curves, detectable=False)
@@ -218,9 +219,11 @@ def test_a_refinement_evaluates_its_reference_once(monkeypatch):
     """Its runs differ in numbers of segments, on which a closed form does not depend."""
     case = load_case(shipped("rod_cantilever.toml"))
     x = np.linspace(0.0, case.rods[0].length, 5)
-    calls, solve = [], rods.solve
+    calls, solve = [], rods.ClampedRod.function
     monkeypatch.setattr(
-        rods, "solve", wraps(solve)(lambda *a, **k: calls.append(k) or solve(*a, **k))
+        rods.ClampedRod,
+        "function",
+        staticmethod(lambda *a, **k: calls.append(k) or solve(*a, **k)),
     )
     kept_evaluations.clear()
     found = [

@@ -27,15 +27,17 @@ print([answer.tobytes().hex() for answer in answers])
 
 REFERENCE_MODULE = """
 import numpy as np
-def solve(angle, rate, acceleration):
-    rows = np.random.default_rng(0).normal(size=(400, 400))
-    return {"solved": np.linalg.solve(rows, rows[0])[: angle.size]}
+from proofmass.analytic.protocol import Reference
+class Solved(Reference):
+    def solve(self, motion, ask):
+        rows = np.random.default_rng(0).normal(size=(400, 400))
+        return {"solved": np.linalg.solve(rows, rows[0])[: motion.x.size]}
 """
 SIDECAR = """
 title = "solved"
 source = "ours"
 model = "fourbar.xml"
-reference = "solved"
+reference = "solved.py"
 drive = { joint = "crank", to = 1.0 }
 run.sweep = { n = 100, solvers = ["mujoco"] }
 channels.rocker = { equals = "solved", unit = "rad" }
@@ -121,14 +123,10 @@ def test_workers_solve_equations_to_the_same_bits_with_any_number_of_threads():
 @NEEDS_TWO_PROCESSORS
 @pytest.mark.slow
 def test_reports_have_the_same_references_with_any_number_of_threads(tmp_path):
-    """The reference solves 400 equations; its module is in a folder that is put on the path."""
+    """The reference solves 400 equations; it is a program beside the sidecar."""
     (tmp_path / "solved.py").write_text(REFERENCE_MODULE)
     (tmp_path / "solved.toml").write_text(SIDECAR)
     (tmp_path / "fourbar.xml").write_bytes(shipped("fourbar.xml").read_bytes())
-    (tmp_path / "sitecustomize.py").write_text(
-        f"import sys; sys.path.append({str(ROOT)!r}); sys.path.append({str(tmp_path)!r}); "
-        "from proofmass.analytic import REFERENCES; REFERENCES['solved'] = 'solved'"
-    )
     one, two = (
         program_output(threads, "-c", GATHER_PROGRAM, folder=tmp_path) for threads in (1, 2)
     )

@@ -16,6 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from proofmass import check
+from proofmass.base.entry_points import all_entry_points, entry_points_of
 from proofmass.base.worker import close_idle_workers
 from proofmass.commands.cli import app
 from proofmass.report.style import solver_looks
@@ -98,7 +99,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
     def forget() -> None:
         close_idle_workers()  # those that were started with another path
-        engines.engine_entry_points.cache_clear()
+        all_entry_points.cache_clear()
+        entry_points_of.cache_clear()
         engines.engine_of.cache_clear()
 
     with pytest.MonkeyPatch.context() as patch:

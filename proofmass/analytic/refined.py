@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.mjcf import read_compiled
+from proofmass.analytic.protocol import Ask, InputMotion, Reference
 from proofmass.analytic.support import (
     ACTS,
     IN_TIME,
@@ -123,3 +124,26 @@ def properties(*, evidence: str, **_: float) -> dict[str, str]:
         "equations of motion": "MuJoCo's own, with soft contacts, loops and limits as they are",
         "self-consistent": evidence,
     }
+
+
+class Refined(Reference):
+    """The motion of any MJCF: the model's own equations, integrated with small errors."""
+
+    reads_model = True
+    follows_controls = True
+    in_space = True
+
+    def solve(self, motion: InputMotion, ask: Ask) -> dict[str, Array]:
+        """Curves of all sensors of the model, see the function `solve` of this module."""
+        run = ask.of_model
+        return solve(
+            motion.x,
+            model=run.model,
+            closely=run.solve_closely,
+            joints=run.joints,
+            in_time=run.in_time,
+        )
+
+    def properties(self, motion: InputMotion, ask: Ask) -> dict[str, str]:
+        """The kind of equations, and the evidence that the motion is known, in words."""
+        return properties(evidence=ask.of_model.evidence())

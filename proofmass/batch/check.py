@@ -16,7 +16,7 @@ from proofmass.base.strict import Kind
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.batch.pool import ClusterError, pool, size_of
 from proofmass.case.case import Case
-from proofmass.case.inputs import MODEL_ENDING, SIDECAR_ENDING, is_of_others
+from proofmass.case.inputs import MODEL_ENDING, SIDECAR_ENDING, is_of_others, names_program
 from proofmass.evidence.diagnosis import (
     Diagnosis,
     Explanation,
@@ -108,7 +108,8 @@ def find_inputs(paths: Iterable[Path], of_others: list[Path] | None = None) -> I
 
     They are found folder by folder.  Hidden folders and links to folders are not searched.  Files
     of folders that are neither sidecars nor models, see `proofmass.case.inputs.is_of_others`, are
-    added to `of_others`; a file that is given by its name is an input in any case.
+    added to `of_others`; a file that is given by its name is an input in any case.  A sidecar whose
+    reference is a program is an input only if it is given by its name, since its code runs.
 
     Raises
     ------
@@ -132,6 +133,7 @@ def find_inputs(paths: Iterable[Path], of_others: list[Path] | None = None) -> I
 def find_in_folder(folder: Path, of_others: list[Path]) -> Iterator[Path]:
     """Find what `find_inputs` yields of one folder, and add to `of_others`."""
     unreadable: list[OSError] = []
+    programs: list[Path] = []
     nothing = True
     for place, folders, files in os.walk(folder, onerror=unreadable.append):
         there = [Path(place) / name for name in sorted(files + folders)]
@@ -151,9 +153,18 @@ def find_in_folder(folder: Path, of_others: list[Path]) -> Iterator[Path]:
             if file.suffix == MODEL_ENDING and not file.with_suffix(SIDECAR_ENDING).exists()
         ]
         nothing = nothing and not found
-        yield from found
+        programs += filter(names_program, found)
+        yield from (file for file in found if file not in programs)
     for error in unreadable:
         raise InputError(Path(error.filename), "", f"cannot be read: {error.strerror}")
+    if programs:
+        others = f" (and {len(programs) - 1} more)" if programs[1:] else ""
+        raise InputError(
+            programs[0],
+            "reference",
+            f"it is a program beside the sidecar, and a search of a folder runs none{others}; give "
+            "the sidecar itself, if you trust it",
+        )
     if nothing:
         raise InputError(folder, "", "no sidecar (.toml) and no model (.xml) in this folder")
 

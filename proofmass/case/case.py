@@ -43,6 +43,7 @@ from proofmass.base.recorded import RecordedColumn, RecordingTable
 from proofmass.base.strict import Kind, Strict, StrictNumber, Switch, WholeNumber
 from proofmass.base.units import si_unit
 from proofmass.base.worker import DEFAULT_MEMORY
+from proofmass.case.inputs import PROGRAM_ENDING
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.protocol.run import Rod
 
@@ -620,6 +621,11 @@ class Case(Strict, ShownAsHtml):
     def model_path(self) -> Path:
         """The MJCF file."""
         return self.file.parent / self.model
+
+    @property
+    def program(self) -> bool:
+        """Whether the reference is a program beside the sidecar."""
+        return self.reference.endswith(PROGRAM_ENDING)
 
     @property
     def recorded(self) -> bool:

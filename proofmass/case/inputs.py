@@ -14,7 +14,7 @@ from proofmass.base.files import read_bytes
 from proofmass.base.lines import COMMENT
 
 REFERENCE = b"reference"  # the key that each sidecar has
-SIDECAR_ENDING, MODEL_ENDING = ".toml", ".xml"
+SIDECAR_ENDING, MODEL_ENDING, PROGRAM_ENDING = ".toml", ".xml", ".py"
 ROOT_ELEMENT = re.compile(rb"<([A-Za-z_][\w.-]*)")
 """The first tag of an XML file that is neither its declaration nor a comment."""
 
@@ -59,6 +59,12 @@ def words_of(value: object) -> Iterator[str]:
     elif isinstance(value, (dict, list)):
         for one in value.values() if isinstance(value, dict) else value:
             yield from words_of(one)
+
+
+def names_program(path: Path) -> bool:
+    """Whether a sidecar's reference is a program, a Python file beside it."""
+    table = parse_toml(content_of(path)) or {}
+    return str(table.get("reference", "")).endswith(PROGRAM_ENDING)
 
 
 def content_of(path: Path) -> bytes | None:

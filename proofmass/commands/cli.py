@@ -18,7 +18,7 @@ from rich.text import Text
 from proofmass.base.errors import BAD_INPUT, INTERRUPTED, InputError, suggest_names
 from proofmass.commands.command import (
     Dask,
-    Force,
+    ForceOption,
     Jobs,
     error_console,
     exit_on_error,
@@ -191,7 +191,7 @@ def check_command(
             help="Leave given files alone that are neither sidecars nor models, as in folders.",
         ),
     ] = False,
-    force: Force = False,
+    force: ForceOption = False,
 ) -> None:
     """Run every case and compare it with its reference.
 
@@ -252,7 +252,7 @@ def report_command(
     data: Annotated[
         bool, typer.Option("--data", help="Write the curves as CSV, and as Parquet with pyarrow.")
     ] = False,
-    force: Force = False,
+    force: ForceOption = False,
 ) -> None:
     """Check every case and write HTML pages with its curves and its mechanism in motion.
 
@@ -343,7 +343,7 @@ def animate_command(
             show_default="those of the sidecar",
         ),
     ] = None,
-    force: Force = False,
+    force: ForceOption = False,
 ) -> None:
     """Write an animation of the mechanism: the reference is pale, the engines are lines.
 
@@ -417,7 +417,7 @@ def schema_command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="File to write.", metavar="FILE")
     ] = None,
-    force: Force = False,
+    force: ForceOption = False,
 ) -> None:
     """Print the JSON Schema of a sidecar, by which editors complete and check its keys."""
     from proofmass.base.files import protect, write_output
@@ -564,7 +564,7 @@ def balancer_command(
             "it, such as models/balancers/balancer_sine.toml; can be given several times."
         ),
     ] = None,
-    force: Force = False,
+    force: ForceOption = False,
 ) -> None:
     """Find the balancer that meets a moment-angle characteristic best.
 
@@ -621,7 +621,7 @@ def trade_command(
             metavar=ERROR_METAVAR,
         ),
     ] = Errors.position,
-    force: Force = False,
+    force: ForceOption = False,
 ) -> None:
     """Measure what accuracy costs: convergence series of settings, orders, error floors, costs.
 
@@ -684,7 +684,7 @@ def diet_command(
     ] = False,
     jobs: Jobs = None,
     dask: Dask = None,
-    force: Force = False,
+    force: ForceOption = False,
 ) -> None:
     """Find what a scene does not need, and write the model without it.
 
@@ -753,7 +753,7 @@ def choose_command(
             help="Counted processor time of all runs of the search together.", metavar="SECONDS"
         ),
     ] = DEFAULT_SEARCH_BUDGET,
-    force: Force = False,
+    force: ForceOption = False,
 ) -> None:
     """Find the cheapest setting whose error is no larger than the given one.
 
@@ -807,7 +807,7 @@ def stress_command(
     jobs: Jobs = None,
     dask: Dask = None,
     only: Annotated[str, typer.Option(help="Only parameters whose names contain this text.")] = "",
-    force: Force = False,
+    force: ForceOption = False,
 ) -> None:
     """Increase or decrease each parameter until a run fails, and bisect the boundary to 1 %.
 

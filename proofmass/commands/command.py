@@ -28,7 +28,7 @@ def allow_replacing(context: typer.Context, force: bool) -> bool:
     return force
 
 
-Force = Annotated[
+ForceOption = Annotated[
     bool,
     typer.Option(
         "--force",

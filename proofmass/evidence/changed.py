@@ -23,7 +23,7 @@ from proofmass.reference.mobility import mobility
 from proofmass.reference.reference import (
     compiled_model,
     evaluate,
-    reference_reads_model,
+    reads_model,
     run_samples,
 )
 from proofmass.reference.run_reference import shared_reference
@@ -298,7 +298,7 @@ def signed_errors(
         raise InputError(changed.file, "drive", f"the run ends early: {curves.stopped}")
     reference = (
         evaluate(changed, kind, curves.x, curves.drive)
-        if reference_reads_model(case)
+        if reads_model(case)
         else shared_reference(case, kind, curves).as_driven(curves.drive)
     )
     check_assembly_mode(case, kind, curves, reference)

@@ -28,7 +28,7 @@ from proofmass.base.grouping import group_by
 from proofmass.base.worker import interrupt_workers
 from proofmass.case.case import Case
 from proofmass.evidence.coverage_search import CheckedRun, Finding, Search
-from proofmass.reference.reference import reference_reads_model
+from proofmass.reference.reference import reads_model
 from proofmass.run.fingerprint import (
     digest,
     digest_recorded_files,
@@ -169,7 +169,7 @@ def find_coverage(
         tuple(search.parameters()),
         tuple(sorted(found, key=lambda one: list(NUMBER_KINDS).index(one.kind))),
         tuple(search.differing()),
-        reference_reads_model(case),
+        reads_model(case),
         case.constant_channels,
         search.left_out,
         monotonic() - begin,

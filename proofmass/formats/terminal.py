@@ -17,7 +17,7 @@ from rich.text import Text
 from proofmass.batch.check import Result, family_of
 from proofmass.case.case import Case
 from proofmass.evidence.diagnosis import Diagnosis, Explanation, Fault, SharedCause, shared_causes
-from proofmass.reference.reference import reference_reads_model
+from proofmass.reference.reference import reads_model
 from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, UNCHECKED_OUTCOMES, Outcome
@@ -348,7 +348,7 @@ def failure_lines(
     for case in result.cases:
         if case.unmatched:
             yield Text(f"· {case.name}: {describe_unmatched(case)}", style="dim")
-        if reference_reads_model(case):
+        if reads_model(case):
             yield Text(f"· {case.name}: {describe_own_numbers(case)}", style="dim")
     judged = [c for c in result.comparisons if c.outcome in CHECKED_OUTCOMES and c.channel]
     if judged:

@@ -5,9 +5,8 @@ from collections.abc import Callable
 from functools import partial
 
 from proofmass.analytic.chart import Chart
-from proofmass.base.recording import Recorded
 from proofmass.case.case import Case, ChartTable
-from proofmass.reference.reference import load_reference
+from proofmass.reference.find import reference_class
 
 KEYWORD_KINDS = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 
@@ -79,16 +78,9 @@ def bind_chart(case: Case, table: ChartTable) -> Callable[[], Chart]:
 
 
 def chart_functions(case: Case) -> dict[str, Callable[..., Chart]]:
-    """Return the functions of the reference's module that return a chart, by name."""
-    reference = load_reference(case)
-    if isinstance(reference, Recorded):
-        return {}
-    own = getattr(reference, "__all__", dir(reference))
-    return {
-        name: f
-        for name, f in inspect.getmembers(reference, inspect.isfunction)
-        if name in own and inspect.signature(f).return_annotation is Chart
-    }
+    """Return the charts of the reference by name."""
+    reference = reference_class(case)
+    return {} if reference is None else {one.__name__: one for one in reference.charts}
 
 
 def key_path(case: Case, table: ChartTable, key: str) -> str:

@@ -4,9 +4,9 @@ from contextlib import suppress
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from proofmass.analytic import IN_SPACE
 from proofmass.base.errors import InputError
 from proofmass.case.case import Case
+from proofmass.reference.find import reference_class
 from proofmass.reference.reference import compiled_model
 
 if TYPE_CHECKING:
@@ -33,7 +33,8 @@ def mobility(case: Case) -> int | None:
     try:
         return model_dof(compiled_model(case), case.start)
     except Overconstrained as error:
-        if case.reference in IN_SPACE:  # the motion is the same, whatever the forces
+        reference = reference_class(case)
+        if reference and reference.in_space:  # the motion is the same, whatever the forces
             return None
         raise InputError(case.model_path, "", str(error)) from None
     except ValueError:
@@ -43,17 +44,15 @@ def mobility(case: Case) -> int | None:
 def leaves_dof(case: Case) -> bool:
     """Whether the drives of a case leave degrees of freedom, which a sweep has in equilibrium."""
     with suppress(InputError, ValueError):  # the run reports such an error
-        if case.reference == SPATIAL_REFERENCE:
-            from proofmass.analytic import spatial  # scipy is slow to load
-
-            tree, _ = spatial.tree_and_terms(compiled_model(case), case.start, None)
-            return spatial.has_free_dof(tree, tuple(drive.joint for drive in case.drive))
+        reference, joints = reference_class(case), tuple(drive.joint for drive in case.drive)
+        if reference is not None:
+            own = reference.leaves_dof(compiled_model(case), case.start, joints)
+            if own is not None:
+                return own
         return (mobility(case) or 0) > len(case.drive)
     return False
 
 
-SPATIAL_REFERENCE = "spatial"
-"""The reference of models that move in space, whose loops may be over-constrained."""
 MOBILITIES_IN_MEMORY = 64
 """Models whose result is kept in memory; `proofmass explain` compiles thousands."""
 

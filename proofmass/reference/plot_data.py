@@ -6,12 +6,12 @@ from proofmass.base.arrays import Array
 from proofmass.base.errors import suggest_names
 from proofmass.base.recording import Recorded
 from proofmass.case.case import Case, View
+from proofmass.reference.find import load_reference, reference_class
 from proofmass.reference.reference import (
     DRIVE_PREFIX,
     ComparedCurves,
     all_quantities,
     compiled_model,
-    load_reference,
     reference_channels,
 )
 from proofmass.sim.contents import NO_ANGLE, has_no_angle, joints
@@ -143,14 +143,9 @@ def view_marks(case: Case, view: View) -> dict[str, float]:
     if not isinstance(view.marks, str):
         return dict(view.marks)
     key = key_path(case, view, "marks")
-    reference = load_reference(case)
-    function = getattr(reference, view.marks, None)
-    if not callable(function):
-        there = [
-            name
-            for name in getattr(reference, "__all__", dir(reference))
-            if returns_places(reference, name)
-        ]
+    reference = reference_class(case)
+    there = {one.__name__: one for one in (reference.marks if reference else ())}
+    if view.marks not in there:
         raise case.error(
             key,
             f"reference {case.reference} has no function {view.marks!r}; "
@@ -163,15 +158,9 @@ def view_marks(case: Case, view: View) -> dict[str, float]:
             f"must be that joint, not {view.x!r}",
         )
     try:
-        return {word: float(x) for word, x in function(**case.parameters).items()}
+        return {word: float(x) for word, x in there[view.marks](**case.parameters).items()}
     except (TypeError, ValueError) as error:
         raise case.error(key, str(error)) from None
-
-
-def returns_places(reference: object, name: str) -> bool:
-    """Whether a function of a reference's module returns places by words, as marks of views do."""
-    annotations = getattr(getattr(reference, name), "__annotations__", {})
-    return bool(annotations.get("return") == dict[str, float])
 
 
 def check_views(case: Case, run: str, curves: Curves) -> None:

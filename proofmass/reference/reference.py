@@ -1,28 +1,23 @@
 """The reference of a case: a module of `analytic/`, or a recorded curve in a file."""
 
-import importlib
 import inspect
 import pickle
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from itertools import chain
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
 from mujoco import MjModel
-from numpy.typing import ArrayLike
 
-from proofmass.analytic import REFERENCES
 from proofmass.analytic.numerics import NotCovered
+from proofmass.analytic.protocol import Ask, InputMotion, ModelRun, Reference
 from proofmass.analytic.remember import call_once
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError, model_error, suggest_names
 from proofmass.base.files import content_key
-from proofmass.base.recorded import RecordingTable, read_table
 from proofmass.base.recording import (
     LOST_ROW,
     SAME_PLACE,
@@ -33,10 +28,11 @@ from proofmass.base.recording import (
     SteadyDrive,
 )
 from proofmass.base.strict import Kind
-from proofmass.base.units import same_quantity, si_unit
+from proofmass.base.units import same_quantity
 from proofmass.case.case import Case, ProfileTable
 from proofmass.case.drive import DriveState, FunctionProfile, InProportion, Samples, Steady, Swing
 from proofmass.case.profile import SampledProfile, make_sampled_profile, profile_clock
+from proofmass.reference.find import load_reference, reference_class
 from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.sim.contents import channel_names, joints
 from proofmass.sim.engines import engine_of
@@ -57,11 +53,6 @@ RESULTS_IN_MEMORY = 64
 """Number of compiled models and read curves in memory; a study tries many numbers of rod links."""
 compile_once = lru_cache(RESULTS_IN_MEMORY)(lambda file, content, rods: compile_model(file, rods))
 smooth_terms = lru_cache(8)(SmoothTerms)
-read_recorded_once = lru_cache(RESULTS_IN_MEMORY)(
-    lambda file, content, settings: Recorded(
-        read_table(file), RecordingTable.model_validate_json(settings)
-    )
-)
 place_once = lru_cache(RESULTS_IN_MEMORY)(Recording.place)
 
 
@@ -105,41 +96,16 @@ class ComparedCurves(Curves):
         return cls(**vars(curves), reference=reference.channels, shown=shown, properties=properties)
 
 
-def load_reference(case: Case) -> ModuleType | Recorded:
-    """Load the reference's module of `analytic/`, or read the recorded curve."""
-    if case.recorded:
-        file = case.file.parent / case.reference
-        settings = case.recording.model_dump_json() if case.recording else "{}"
-        try:
-            return read_recorded_once(file, content_key(file), settings)
-        except ValueError as error:
-            raise case.error("recording", str(error)) from None
-    if case.reference in REFERENCES:
-        return importlib.import_module(REFERENCES[case.reference])
-    raise case.error(
-        "reference",
-        f"no closed form {case.reference!r}; "
-        f"{suggest_names(case.reference, sorted(REFERENCES))}; or name a recorded curve "
-        f"NAME.csv",
-    )
-
-
-def reference_reads_model(case: Case) -> bool:
+def reads_model(case: Case) -> bool:
     """Whether the reference reads its numbers from the MJCF, whose errors it then shares."""
-    return reference_takes(case, "model")
+    found = reference_class(case)
+    return found is not None and found.reads_model
 
 
-def reference_knows_inertia(case: Case) -> bool:
+def covers_inertia(case: Case) -> bool:
     """Whether the reference can include inertia in moments and forces."""
-    return reference_takes(case, "inertia")
-
-
-def reference_takes(case: Case, argument: str) -> bool:
-    """Whether the reference is a function with an argument of that name."""
-    reference = load_reference(case)
-    return not isinstance(reference, Recorded) and (
-        argument in inspect.signature(reference.solve).parameters
-    )
+    found = reference_class(case)
+    return found is not None and found.covers_inertia
 
 
 def run_samples(case: Case, kind: Kind) -> Array:
@@ -334,11 +300,13 @@ def drive_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
         )
         teller = leader if drive.profile is None else drive
         k_of_teller = case.drive.index(teller)
-        function = getattr(reference, str(teller.profile), None)
+        own = {one.__name__: one for one in reference.profiles}
+        function = own.get(str(teller.profile))
         if function is None:
             raise case.error(
                 case.drive_key(k_of_teller, "profile"),
-                f"reference {case.reference} has no function {teller.profile!r}",
+                f"reference {case.reference} has no motion profile {teller.profile!r}; "
+                f"{suggest_names(str(teller.profile), own)}",
             )
         takes = list(inspect.signature(function).parameters.values())[1:]
         names = [p.name for p in takes]
@@ -606,69 +574,33 @@ def reference_channels(case: Case, x: Array, known: dict[str, Array]) -> dict[st
 def call_reference(
     case: Case,
     kind: Kind,
-    reference: ModuleType,
+    reference: type[Reference],
     x: Array,
     state: DriveState | None,
     parameters: dict[str, float | str],
     key: str = "parameters",
     only: frozenset[str] | None = None,
 ) -> dict[str, Array]:
-    """Call ``solve`` of a reference, and turn its errors into bad input at `key` of the sidecar.
+    """Call a reference, and turn its errors into bad input at `key` of the sidecar.
 
-    The state of one drive is passed as arrays (n,), that of several as (drives, n).  A reference
-    gets what its ``solve`` has as keyword-only parameters:
-
-    - ``model``, ``start``, ``joints``: the compiled MJCF, its start key and the driven joints;
-    - ``inertia``: whether moments and forces include inertia;
-    - ``only``: the quantities that are used, None for all;
-    - ``in_time``, ``control_profiles``: in dynamics, the profiles of the drives and of the loads;
-    - ``controls``, ``control_rates``, ``load_rates``: controls and scaled parameters along the run;
-    - ``terms``: the terms of the equations of motion as MuJoCo computes them;
-    - ``closely``: the sensors of the model's own motion, see `solve_closely`.
+    The last results of references that do not read the model are kept, see `call_once`; the others
+    have a memory of their own, as models may change.
     """
-    known = [
-        p.name
-        for p in inspect.signature(reference.solve).parameters.values()
-        if p.kind is p.KEYWORD_ONLY
-    ]
-    own = {
-        "model": lambda: compiled_model(case),
-        "start": lambda: case.start,
-        "joints": lambda: tuple(d.joint for d in case.drive),
-        "inertia": lambda: case.has_inertia(kind),
-        "only": lambda: only,
-        "terms": lambda: smooth_terms(compiled_model(case), case.start),
-        "closely": lambda: partial(solve_closely, case, kind),
-        "controls": lambda: control_values(case, kind, x, 0),
-        "control_rates": lambda: control_values(case, kind, x, 1),
-        "control_profiles": lambda: control_profiles(case, kind) if kind == "dynamics" else {},
-        "load_rates": dict,
-        "in_time": lambda: (
-            (np.asarray(x, float), drive_profiles(case, kind))
-            if kind == "dynamics" and case.drive
-            else None
-        ),
-    }
-    there = [k for k in known if k not in own]
-    for name in parameters:
-        if name not in there:
-            raise case.error(
-                f"{key}.{name}",
-                f"reference {case.reference} has no "
-                f"such parameter; {suggest_names(name, there, 'known')}",
-            )
+    require_known(case, reference, parameters, key)
+    rates: dict[str, Array] = {}
     if case.load:
         parameters, rates = scale_parameters(case, kind, reference, x, parameters)
-        own["load_rates"] = lambda: rates
-    if state is None:
-        args: tuple = (x,)
-    else:
-        args = tuple(part[0] if len(part) == 1 else part for part in state)
+    motion = InputMotion(np.asarray(x), None if state is None else state)
+    ask = Ask(
+        inertia=reference.covers_inertia and case.has_inertia(kind),
+        wanted=only,
+        load_rates=rates,
+        run=model_run(case, kind, x) if reference.reads_model else None,
+    )
     try:
-        more = {k: own[k]() for k in own if k in known}
-        if "model" in more:  # such references have a memory of their own, as models may change
-            return reference.solve(*args, **parameters, **more)
-        return call_once(reference.solve, *args, **parameters, **more)
+        if reference.reads_model:
+            return reference.evaluate(parameters, motion, ask)
+        return call_once(reference.evaluate, parameters, motion, ask)
     except NotCovered as error:
         raise InputError(
             case.model_path, "", f"the reference {case.reference!r} does not cover it: {error}"
@@ -678,8 +610,40 @@ def call_reference(
         raise case.error(key, str(error)) from None
 
 
+def require_known(
+    case: Case, reference: type[Reference], parameters: Mapping[str, Any], key: str
+) -> None:
+    """Raise InputError for a parameter that the reference does not have."""
+    there = list(reference.parameters)
+    for name in parameters:
+        if name not in there:
+            raise case.error(
+                f"{key}.{name}",
+                f"reference {case.reference} has no "
+                f"such parameter; {suggest_names(name, there, 'known')}",
+            )
+
+
+def model_run(case: Case, kind: Kind, x: Array) -> ModelRun:
+    """The model of a case and what moves it in a run, for references that read the model."""
+    in_time = kind == "dynamics"
+    times = np.asarray(x, float)
+    return ModelRun(
+        model=compiled_model(case),
+        start=case.start,
+        joints=tuple(drive.joint for drive in case.drive),
+        controls=control_values(case, kind, x, 0),
+        control_rates=control_values(case, kind, x, 1),
+        in_time=(times, drive_profiles(case, kind)) if in_time and case.drive else None,
+        control_profiles=control_profiles(case, kind) if in_time else {},
+        terms=lambda: smooth_terms(compiled_model(case), case.start),
+        solve_closely=partial(solve_closely, case, kind),
+        evidence=lambda: solve_closely_with_evidence(case, times)[1],
+    )
+
+
 def scale_parameters(
-    case: Case, kind: Kind, reference: ModuleType, x: Array, parameters: Mapping[str, Any]
+    case: Case, kind: Kind, reference: type[Reference], x: Array, parameters: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Array]]:
     """Turn the parameters that loads scale into curves (n,), and find the rates of these.
 
@@ -688,17 +652,17 @@ def scale_parameters(
     InputError
         The reference has no such parameter, or one that may not change along a path.
     """
-    takes = inspect.signature(reference.solve).parameters
-    may = [name for name, p in takes.items() if name in parameters and p.annotation == ArrayLike]
+    may = [
+        name for name, one in reference.parameters.items() if name in parameters and one.may_change
+    ]
     found, rates = dict(parameters), dict[str, Array]()
     for k, (load, profile) in enumerate(zip(case.load, load_profiles(case, kind), strict=True)):
-        reads = "controls" in takes or "closely" in takes
-        if not may and not reads:
+        if not may and not reference.follows_controls:
             raise case.error(
                 case.load_key(k),
                 f"the reference {case.reference!r} covers no load that changes",
             )
-        if not load.scales and not reads:
+        if not load.scales and not reference.follows_controls:
             raise case.error(
                 case.load_key(k, "scales"),
                 f"missing: which parameters of {case.reference} the load multiplies; "
@@ -767,35 +731,21 @@ def solve_closely_once(
 
 def properties(case: Case, beside: str | None = None) -> dict[str, str]:
     """Properties of the mechanism as a whole, such as its class, limits and stroke, if any."""
-    tell = getattr(load_reference(case), "properties", None)
-    if tell is None:
+    reference = reference_class(case)
+    if reference is None or reference.properties is Reference.properties:
         return {}
     parameters = case.parameters if beside is None else case.compare_with[beside].parameters
-    own, asked = dict[str, Any](), inspect.signature(tell).parameters
     kind = next(iter(case.run))
-    x = run_samples(case, kind)
-    if "evidence" in asked:
-        own = {"evidence": solve_closely_with_evidence(case, x)[1]}
-    if "motion" in asked:  # of the model itself
-        model = compiled_model(case)
+    x, ask = run_samples(case, kind), Ask()
+    motion = InputMotion(x)
+    if reference.reads_model:  # the prescribed motion, of the model itself
+        ask = Ask(run=model_run(case, kind, x))
         drives = [np.broadcast_arrays(*one(x)) for one in drive_profiles(case, kind)]
-        own = {
-            "model": model,
-            "start": case.start,
-            "joints": tuple(drive.joint for drive in case.drive),
-            "motion": np.moveaxis(np.array(drives), 0, 1) if drives else x,
-        }
-        if "in_time" in asked and kind == "dynamics" and drives:
-            own["in_time"] = x, drive_profiles(case, kind)
-        if "control_profiles" in asked and kind == "dynamics":
-            own["control_profiles"] = control_profiles(case, kind)
-        elif "controls" in asked:
-            own["controls"] = control_values(case, kind, x, 0)
-            own["control_rates"] = control_values(case, kind, x, 1)
-    if "terms" in asked:
-        own["terms"] = smooth_terms(own["model"], case.start)
+        if drives:
+            value, rate, acceleration = map(np.array, zip(*drives, strict=True))
+            motion = InputMotion(x, (value, rate, acceleration))
     try:
-        return tell(**own, **parameters)
+        return reference(**parameters).properties(motion, ask)
     except (TypeError, ValueError):  # the parameters are wrong, which the runs report
         return {}
 
@@ -814,7 +764,7 @@ def compiled_model(case: Case) -> MjModel:
 def reference_identity(case: Case) -> tuple[str | int, ...]:
     """A key that differs for cases with different reference curves: their tables and files."""
     asked = repr(case.model_copy(update={"settings": {}, "tolerance": ()}).model_dump())
-    files = [case.file.parent / case.reference] if case.recorded else []
+    files = [case.file.parent / case.reference] if case.recorded or case.program else []
     return asked, *model_key(case.model_path), *map(content_key, [*case.profile_files, *files])
 
 
@@ -841,38 +791,13 @@ def recorded_column(
 
 def assembly_modes(case: Case) -> tuple[int, ...]:
     """Assembly modes that the reference offers; empty if it offers no choice."""
-    return getattr(load_reference(case), "MODES", ())
+    found = reference_class(case)
+    return () if found is None else found.modes()
 
 
 def parameter_unit(case: Case, parameter: str) -> str:
-    """The unit of a parameter, from the docstring of the reference's `solve`; empty if not there.
-
-    An entry ``names : text with [unit]`` has either one unit, which is that of all its names, or as
-    many units as names, in the same order.  ``length1, ..`` stands for all numbers.
-    """
-    reference = load_reference(case)
-    text = "" if isinstance(reference, Recorded) else inspect.getdoc(reference.solve) or ""
-    section = re.search(r"Parameters\n-+\n(.*?)(?:\n\n|\Z)", text, re.DOTALL)
-    for entry in re.split(r"\n(?! )", section[1]) if section else ():
-        words, _, meaning = entry.partition(" : ")
-        names = [name for name in words.split(", ") if name.strip(".")]
-        units = list(filter(is_unit, re.findall(r"\[([^]]*)\]", meaning)))
-        if ".." in words:
-            names = [
-                parameter if re.fullmatch(re.sub(r"\d+$", "", name) + r"\d+", parameter) else name
-                for name in names
-            ]
-        if parameter in names and len(set(units)) == 1:
-            return units[0]
-        if parameter in names and len(units) == len(names) and ".." not in words:
-            return units[names.index(parameter)]
-    return ""
-
-
-def is_unit(text: str) -> bool:
-    """Whether a text in brackets is a unit, not an interval or a list."""
-    try:
-        si_unit(text)
-    except ValueError:
-        return False
-    return True
+    """The SI unit of a parameter of the reference; empty if it has none."""
+    found = reference_class(case)
+    if found is None or parameter not in found.parameters:
+        return ""
+    return found.parameters[parameter].unit

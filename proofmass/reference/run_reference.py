@@ -1,6 +1,5 @@
 """The reference of a run: at the motion that its drives had, and at changed parameters."""
 
-import inspect
 from contextlib import suppress
 from functools import cached_property
 from typing import cast
@@ -10,15 +9,14 @@ import numpy as np
 from proofmass.analytic.remember import Memory, use_memory
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
-from proofmass.base.recording import Recorded
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
 from proofmass.case.drive import DriveState
+from proofmass.reference.find import reference_class
 from proofmass.reference.reference import (
     ReferenceCurves,
     drive_profiles,
     evaluate,
-    load_reference,
     properties,
     reference_identity,
 )
@@ -31,14 +29,14 @@ Differences = list[dict[str, Array]]
 
 def changeable_parameters(case: Case) -> dict[str, float]:
     """Parameters that are quantities; texts and whole numbers such as a mode are left out."""
-    reference = load_reference(case)
-    if isinstance(reference, Recorded):
+    reference = reference_class(case)
+    if reference is None:
         return {}
-    known = inspect.signature(reference.solve).parameters
+    known = reference.parameters
     return {
         key: value
         for key, value in case.parameters.items()
-        if not isinstance(value, str) and (key not in known or known[key].annotation is not int)
+        if not isinstance(value, str) and (key not in known or known[key].is_quantity)
     }
 
 

@@ -1,6 +1,5 @@
 """The groups of the index: cases by their folder and their reference, failures first."""
 
-import inspect
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from proofmass.base.grouping import group_by
 from proofmass.base.recording import Recorded
 from proofmass.batch.check import family_of
 from proofmass.case.case import Case
-from proofmass.reference.reference import load_reference
+from proofmass.reference.find import load_reference
 
 STATES_WORST_FIRST = ("bad", "open", "good")
 RECORDED_PART = "recorded curves"
@@ -70,4 +69,4 @@ def describe_reference(case: Case) -> str:
         return ""
     if isinstance(reference, Recorded):
         return "Measured, or computed by another program."
-    return (inspect.getdoc(reference) or "").partition("\n\n")[0].replace("\n", " ")
+    return reference.describe()

@@ -9,7 +9,7 @@ from proofmass.base.grouping import group_by
 from proofmass.base.units import MOTION_UNITS, si_unit
 from proofmass.base.wording import format_list, number
 from proofmass.case.case import Case
-from proofmass.reference.reference import reference_reads_model
+from proofmass.reference.reference import reads_model
 from proofmass.sim.engines import format_solver
 from proofmass.verdict.compare import Comparison
 from proofmass.verdict.outcome import (
@@ -90,7 +90,7 @@ def group_by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, 
 def reads_own_model(case: Case) -> bool:
     """Whether the reference reads the numbers of the model; false for a reference at fault."""
     try:
-        return reference_reads_model(case)
+        return reads_model(case)
     except InputError:
         return False
 

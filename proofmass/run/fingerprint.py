@@ -50,8 +50,8 @@ def input_files(case: Case) -> list[Path]:
 
 
 def recorded_files(case: Case) -> list[Path]:
-    """The recorded files of the reference, of motion profiles and of engines."""
-    files = [case.file.parent / case.reference] if case.recorded else []
+    """The recorded files or the program of the reference, and files of profiles and engines."""
+    files = [case.file.parent / case.reference] if case.recorded or case.program else []
     files += case.profile_files
     for solver, settings in case.settings.items():
         names = engine_of(solver).settings.marked(FILE_MARK) if not computes_curves(solver) else []

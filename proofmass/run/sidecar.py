@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from pydantic import Field, ValidationError
 
-from proofmass.analytic import IN_SPACE
 from proofmass.analytic.numerics import LARGEST
 from proofmass.base.errors import InputError, suggest_names
 from proofmass.base.files import read_text
@@ -25,13 +24,13 @@ from proofmass.base.recording import Recorded
 from proofmass.base.strict import Kind, Strict
 from proofmass.base.units import FORCE_UNITS, MOTION_UNITS, POSITION_UNITS, si_unit
 from proofmass.case.case import Case, ProfileTable, RangeShare, Tolerance
+from proofmass.reference.find import NoReference, find_class, load_reference
 from proofmass.reference.mobility import leaves_dof
 from proofmass.reference.reference import (
     all_quantities,
     compiled_model,
-    load_reference,
+    covers_inertia,
     prescribed_quantities,
-    reference_knows_inertia,
     run_samples,
 )
 from proofmass.run.solve import prescribed_run
@@ -94,10 +93,10 @@ def fill_defaults(table: TomlTable, file: Path) -> TomlTable:
     InputError
         A channel matches no quantity, or its unit is not known.
     """
-    return fill_channels(fill_runs(table), file)
+    return fill_channels(fill_runs(table, file), file)
 
 
-def fill_runs(table: TomlTable) -> TomlTable:
+def fill_runs(table: TomlTable, file: Path) -> TomlTable:
     """Fill in runs: a sweep and dynamics if a driven case names none, with proofmass's engines.
 
     Dynamics also gets each engine with its own default settings, which are shown but not checked.
@@ -107,7 +106,8 @@ def fill_runs(table: TomlTable) -> TomlTable:
         return table
     recorded = str(table.get("reference", "")).endswith(".csv")
     own = {} if recorded else {"n": DEFAULT_SAMPLES}
-    there = list(default_engines(table.get("reference") in IN_SPACE))
+    named = all("solvers" in run for run in runs.values() if isinstance(run, dict))
+    there = [] if named else list(default_engines(moves_in_space(table, file)))
     timed = [solver for engine in there for solver in (engine, f"{engine}:default")]
     defaults: TomlTable = {
         "sweep": {**own, "solvers": there},
@@ -121,6 +121,15 @@ def fill_runs(table: TomlTable) -> TomlTable:
             for kind, run in runs.items()
         },
     }
+
+
+def moves_in_space(table: TomlTable, file: Path) -> bool:
+    """Whether the reference of a sidecar is of motions in space; an unknown one is not."""
+    name = str(table.get("reference", ""))
+    try:
+        return not name.endswith(".csv") and find_class(name, file).in_space
+    except NoReference:  # `load_reference` reports it
+        return False
 
 
 def fill_channels(table: TomlTable, file: Path) -> TomlTable:
@@ -172,7 +181,7 @@ def fill_channels(table: TomlTable, file: Path) -> TomlTable:
     sensors = channel_names(model, bare.start) if others is not None else {}
     named = {split_channel(name, sensors)[0] for name in found}
     for sensor in (one for one in sensors if one not in named):
-        at_rest = measures_actuator(model, sensor) and not reference_knows_inertia(bare)
+        at_rest = measures_actuator(model, sensor) and not covers_inertia(bare)
         only = {"only": "sweep"} if at_rest else {}
         there = {
             name: {"equals": equals, "unit": unit, **only}

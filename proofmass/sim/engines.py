@@ -2,47 +2,37 @@
 
 from __future__ import annotations
 
-import sys
 from functools import cache
-from importlib.metadata import EntryPoint, distributions
 from typing import TYPE_CHECKING
 
+from proofmass.base.entry_points import (
+    OWN_DISTRIBUTION,
+    NotLoaded,
+    distribution_of,
+    entry_points_of,
+    load_entry_point,
+)
 from proofmass.base.errors import suggest_names
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
     from proofmass.sim.protocol.engine import Engine
 
 ENTRY_POINT_GROUP = "proofmass.engines"
-OWN_DISTRIBUTION = "proofmass"
-"""The distribution whose engines have fixed colours, and are written into new sidecars."""
 
 
 class NoEngine(ValueError):
     """No engine has that name, or it cannot be loaded; the message says why."""
 
 
-@cache
 def engine_entry_points() -> dict[str, EntryPoint]:
     """Entry points by the names of their engines; no engine is imported.
 
     If two distributions provide an engine of the same name, that of this distribution is taken, or
-    else the first in the order of their names.  The current folder, from which a Python session
-    imports, may be a stranger's and is not searched.
+    else the first in the order of their names.
     """
-    there: dict[str, EntryPoint] = {}
-    found = [
-        entry
-        for each in distributions(path=[folder for folder in sys.path if folder])
-        for entry in each.entry_points.select(group=ENTRY_POINT_GROUP)
-    ]
-    for entry in sorted(found, key=lambda e: (distribution_of(e) != OWN_DISTRIBUTION, e.name)):
-        there.setdefault(entry.name, entry)
-    return there
-
-
-def distribution_of(entry: EntryPoint) -> str:
-    """The name of the distribution that provides an engine."""
-    return str(entry.dist.name) if entry.dist else ""
+    return {name: same[0] for name, same in entry_points_of(ENTRY_POINT_GROUP).items()}
 
 
 def foreign_distribution(name: str) -> str:
@@ -112,12 +102,9 @@ def engine_of(name: str) -> Engine:
     if (entry := engine_entry_points().get(name)) is None:
         raise NoEngine(f"no simulator {name!r}; {suggest_names(name, engine_names())}")
     try:
-        engine = entry.load()
-    except Exception as error:
-        raise NoEngine(
-            f"simulator {name!r}, of {distribution_of(entry)}: {entry.value} cannot be "
-            f"loaded: {type(error).__name__}: {error}"
-        ) from error
+        engine = load_entry_point(entry, "simulator")
+    except NotLoaded as error:
+        raise NoEngine(str(error)) from error
     if not isinstance(engine, Engine):
         raise NoEngine(
             f"simulator {name!r}, of {distribution_of(entry)}: {entry.value} is no object "

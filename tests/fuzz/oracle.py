@@ -36,8 +36,6 @@ Harmless changes, which need not change an outcome, and the reasons:
 """
 
 import csv
-import importlib
-import inspect
 import math
 import re
 import tomllib
@@ -47,7 +45,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from proofmass.analytic import REFERENCES
+from proofmass.analytic.protocol import Ask, InputMotion
+from proofmass.reference.find import find_reference
 
 SENSOR, DISABLE = mujoco.mjtSensor, mujoco.mjtDisableBit
 Array = Any
@@ -113,8 +112,7 @@ def wrong_parameters(old: dict, new: dict, agrees: list) -> list[str]:
     """Parameters that differ by more than the detectable changes of the channels that agree."""
     if old["reference"] != new["reference"] or "parameters" not in old:
         return []
-    solve = importlib.import_module(REFERENCES[new["reference"]]).solve
-    default = {k: p.default for k, p in inspect.signature(solve).parameters.items()}
+    default = {k: p.default for k, p in find_reference(new["reference"]).parameters.items()}
     found = []
     for key, value in old["parameters"].items():
         now = new.get("parameters", {}).get(key, default.get(key))
@@ -187,9 +185,8 @@ def has_same_curve(
     """Whether two quantities of a closed form have the same curve, as those of a slide along x."""
     if "parameters" not in old:
         return False
-    solve = importlib.import_module(REFERENCES[old["reference"]]).solve
-    state = [curves.x] if curves.drive is None else [part[0] for part in curves.drive]
-    known = solve(*state, **old["parameters"])
+    motion = InputMotion(curves.x, curves.drive)
+    known = find_reference(old["reference"]).evaluate(old["parameters"], motion, Ask())
     return one in known and two in known and not is_far(known[one], known[two], allowed)
 
 

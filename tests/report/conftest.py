@@ -6,32 +6,22 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.analytic import REFERENCES
-from proofmass.report import case_figures, case_page
-
 
 @pytest.fixture
 def write_stub_sidecar(
-    models: Path, monkeypatch: pytest.MonkeyPatch
+    models: Path,
 ) -> Callable[[str, str, str, str], Path]:
     """A function that writes a sidecar with a reference of the test's own, and returns its path.
 
-    It is called as ``f(name, source, parameters, more)``.  The reference is a module with this name
-    and source.  `parameters` has the lines of the sidecar's table of parameters, `more` has lines
-    for the end of the sidecar.  The sidecar has one channel, a moment.
+    It is called as ``f(name, source, parameters, more)``.  The reference is a program beside the
+    sidecar with this name and source.  `parameters` has the lines of the sidecar's table of
+    parameters, `more` has lines for the end of the sidecar.  The sidecar has one channel, a moment.
     """
 
     def make(name: str, source: str, parameters: str, more: str) -> Path:
-        (models / "stubs").mkdir()
-        (models / "stubs" / f"{name}.py").write_text(source)
-        monkeypatch.syspath_prepend(models / "stubs")
-        monkeypatch.setitem(REFERENCES, name, name)
-        for module in (case_figures, case_page):  # other processes lack the reference
-            monkeypatch.setattr(
-                module, "call_isolated", lambda function, *args, **limits: function(*args)
-            )
+        (models / f"{name}.py").write_text(source)
         file = models / "fourbar.toml"
-        text = file.read_text().replace('"fourbar"', f'"{name}"')
+        text = file.read_text().replace('"fourbar"', f'"{name}.py"')
         text = re.sub(
             r"(?s)\[parameters\].*?\[drive\]", f"[parameters]\n{parameters}\n[drive]", text
         )

@@ -20,10 +20,7 @@ STUB_REFERENCE = '''"""A crank that knows two charts."""
 import numpy as np
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel
-
-
-def solve(angle, rate=1.0, acceleration=0.0, *, stiffness):
-    return {"moment": stiffness * angle}
+from proofmass.analytic.protocol import AngularStiffness, Reference
 
 
 def energies(*, stiffness: float, turns: int = 1) -> Chart:
@@ -36,6 +33,16 @@ def energies(*, stiffness: float, turns: int = 1) -> Chart:
 
 def broken(*, stiffness: float, weight: float = 1.0) -> Chart:
     raise IndexError("nothing there")
+
+
+class Crank(Reference):
+    """A crank that knows two charts."""
+
+    charts = (broken, energies)
+    stiffness: AngularStiffness
+
+    def solve(self, motion, ask):
+        return {"moment": self.stiffness * motion.drive[0]}
 '''
 
 

@@ -37,19 +37,30 @@ STUB_REFERENCE = '''"""A crank with a spring in it."""
 
 import numpy as np
 
-
-def solve(angle, rate=1.0, acceleration=0.0, *, stiffness, target="sine", weight=0.0):
-    wanted = {"sine": np.sin, "cosine": np.cos}[target](angle)
-    return {"moment": stiffness * angle, "target": wanted, "lifted": weight * np.cos(angle),
-            "stored": stiffness * angle**2 / 2}
+from proofmass.analytic.protocol import AngularStiffness, Force, Reference, Word
 
 
 def contacts(*, stiffness, **_):
     return {"spring on its stop": 3.0 / stiffness}
 
 
-def properties(*, stiffness, target="sine", weight=0.0):
-    return {"softness": f"{1 / stiffness:g} rad/Nm"} | ({"load": f"{weight:g} N"} if weight else {})
+class Crank(Reference):
+    """A crank with a spring in it."""
+
+    marks = (contacts,)
+    stiffness: AngularStiffness
+    target: Word = "sine"
+    weight: Force = 0.0
+
+    def solve(self, motion, ask):
+        angle, stiffness = motion.drive[0], self.stiffness
+        wanted = {"sine": np.sin, "cosine": np.cos}[self.target](angle)
+        return {"moment": stiffness * angle, "target": wanted,
+                "lifted": self.weight * np.cos(angle), "stored": stiffness * angle**2 / 2}
+
+    def properties(self, motion, ask):
+        load = {"load": f"{self.weight:g} N"} if self.weight else {}
+        return {"softness": f"{1 / self.stiffness:g} rad/Nm"} | load
 '''
 
 

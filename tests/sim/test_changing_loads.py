@@ -3,20 +3,17 @@
 Loads that change in time are tested in `tests/sim/test_controls_in_time.py`.
 """
 
-import importlib
-import inspect
 import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from proofmass.analytic import REFERENCES
 from proofmass.analytic.rods import integrate, rod_pair_driven, rod_platform_driven
 from proofmass.batch.check import check
+from proofmass.reference.find import find_reference, reference_names
 from proofmass.reference.reference import evaluate, run_samples
 from proofmass.run.sidecar import format_sidecar, load_case
 from proofmass.run.solve import call_engine, plan_run, prescribed_run
@@ -40,16 +37,11 @@ CASES_WITH_CHANGEABLE_LOADS = {
 
 def changeable_parameters(name: str) -> list[str]:
     """Names of the parameters of a reference that may change along a path."""
-    parameters = inspect.signature(importlib.import_module(REFERENCES[name]).solve).parameters
-    return [
-        key
-        for key, p in parameters.items()
-        if p.annotation == ArrayLike and p.kind is p.KEYWORD_ONLY
-    ]
+    return [key for key, p in find_reference(name).parameters.items() if p.may_change]
 
 
 def test_every_reference_with_changeable_loads_has_a_case_here():
-    assert {name for name in REFERENCES if changeable_parameters(name)} == set(
+    assert {name for name in reference_names() if changeable_parameters(name)} == set(
         CASES_WITH_CHANGEABLE_LOADS
     )
 
@@ -64,7 +56,7 @@ def test_curves_under_a_changing_load_are_those_of_each_constant_load(name):
     case = load_case(shipped(f"{CASES_WITH_CHANGEABLE_LOADS[name]}.toml")).model_copy(
         update={"load": ()}
     )
-    solve = importlib.import_module(REFERENCES[name]).solve
+    solve = find_reference(name).function
     x = run_samples(case, "sweep")[:: max(1, run_samples(case, "sweep").size // 6)][:5]
     state = [
         part[0] if len(case.drive) == 1 else part

@@ -1,5 +1,7 @@
 """Torsion-spring balancer of a pendulum: a chain of three or four segments, stops, preloads."""
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -27,6 +29,18 @@ from proofmass.analytic.numerics import (
     cross,
     motion_senses,
 )
+from proofmass.analytic.protocol import (
+    Angle,
+    AngularStiffness,
+    ClosedForm,
+    Domain,
+    Force,
+    Length,
+    Mode,
+    Moment,
+    Quantity,
+    Word,
+)
 from proofmass.base.arrays import Array
 
 MODES = (1, -1)
@@ -38,6 +52,7 @@ __all__ = [
     "MODES",
     "Balancer",
     "BalancerPaths",
+    "BalancerReference",
     "Path",
     "along",
     "balancer",
@@ -369,3 +384,47 @@ def quantities(
             **components_in_frame(f"node{i + 1}_force", tip_force, segments[:, i]),
         }
     return found
+
+
+class BalancerReference(ClosedForm, function=solve, properties=properties):
+    """Torsion-spring balancer of a pendulum: a chain of three or four segments, stops, preloads."""
+
+    marks = (events,)
+    profiles = (flexing,)
+
+    length1: Length
+    length2: Length
+    length3: Length
+    length4: Length
+    stiffness1: AngularStiffness
+    stiffness2: AngularStiffness
+    stiffness3: AngularStiffness
+    stiffness4: AngularStiffness
+    quadratic1: Annotated[float, Quantity("N m/rad^2")]
+    quadratic2: Annotated[float, Quantity("N m/rad^2")]
+    quadratic3: Annotated[float, Quantity("N m/rad^2")]
+    quadratic4: Annotated[float, Quantity("N m/rad^2")]
+    preload2: Moment
+    preload3: Moment
+    preload4: Moment
+    low2: Annotated[float, Quantity("rad", Domain.EXTENDED)]
+    low3: Annotated[float, Quantity("rad", Domain.EXTENDED)]
+    low4: Annotated[float, Quantity("rad", Domain.EXTENDED)]
+    high2: Annotated[float, Quantity("rad", Domain.EXTENDED)]
+    high3: Annotated[float, Quantity("rad", Domain.EXTENDED)]
+    high4: Annotated[float, Quantity("rad", Domain.EXTENDED)]
+    pendulum: Length
+    extension1: Annotated[float, Quantity("m/rad")]
+    extension2: Annotated[float, Quantity("m/rad^2")]
+    rest_angle: Angle
+    rest_angle2: Angle
+    weight: Force
+    mode: Mode
+    friction1: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
+    friction2: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
+    friction3: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
+    friction4: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
+    pendulum_friction: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
+    target: Word
+    target_moment: Moment
+    expected: Word

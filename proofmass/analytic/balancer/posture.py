@@ -1,6 +1,7 @@
 """A balancer whose postures are prescribed: loads, moments and energy, without an equilibrium."""
 
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,16 @@ from proofmass.analytic.balancer.model import (
 )
 from proofmass.analytic.balancer.path import Path
 from proofmass.analytic.numerics import check_finite, cross
+from proofmass.analytic.protocol import (
+    Angle,
+    AngularStiffness,
+    ClosedForm,
+    Force,
+    Length,
+    Mode,
+    Moment,
+    Quantity,
+)
 from proofmass.base.arrays import Array
 
 MODES = (1, -1)
@@ -161,3 +172,28 @@ def solve(
     for i in range(n - 2):
         found[f"drive_moment{i + 1}"] = moment[:, i] - found[f"node{i + 1}_load"]
     return {name: value.reshape(inputs.shape[1:]) for name, value in found.items()}
+
+
+class BalancerPosture(ClosedForm, function=solve):
+    """A balancer whose postures are prescribed: loads, moments and energy, no equilibrium."""
+
+    length1: Length
+    length2: Length
+    length3: Length
+    length4: Length
+    stiffness1: AngularStiffness
+    stiffness2: AngularStiffness
+    stiffness3: AngularStiffness
+    stiffness4: AngularStiffness
+    quadratic1: Annotated[float, Quantity("N m/rad^2")]
+    quadratic2: Annotated[float, Quantity("N m/rad^2")]
+    quadratic3: Annotated[float, Quantity("N m/rad^2")]
+    quadratic4: Annotated[float, Quantity("N m/rad^2")]
+    preload2: Moment
+    preload3: Moment
+    preload4: Moment
+    pendulum: Length
+    rest_angle: Angle
+    rest_angle2: Angle
+    weight: Force
+    mode: Mode

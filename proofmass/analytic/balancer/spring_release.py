@@ -3,10 +3,13 @@
 After the release the stiffness is smaller.
 """
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import check_finite, check_not_negative, check_positive
+from proofmass.analytic.protocol import ClosedForm, Domain, OneOf, Quantity
 from proofmass.base.arrays import Array
 
 CONNECTIONS = "series", "parallel"
@@ -141,3 +144,14 @@ def properties(
         "release": f"at {release:.6g} m",
         "stiffness": f"{before:.6g} N/m before, {after:.6g} N/m after",
     }
+
+
+class SpringRelease(ClosedForm, function=solve, properties=properties):
+    """Two springs in series or in parallel, one of them prestressed on a contact that releases."""
+
+    marks = (events,)
+
+    stiffness1: Annotated[float, Quantity("N/m", Domain.POSITIVE)]
+    stiffness2: Annotated[float, Quantity("N/m", Domain.POSITIVE)]
+    preload: Annotated[float, Quantity("N", Domain.NOT_NEGATIVE)]
+    connection: Annotated[str, OneOf(("series", "parallel"))]

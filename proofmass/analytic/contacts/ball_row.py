@@ -1,10 +1,13 @@
 """Equal balls in a row that hit each other, one impact after the other."""
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.contacts import check_restitution, check_times
 from proofmass.analytic.numerics import check_not_negative, check_positive
+from proofmass.analytic.protocol import ClosedForm, Domain, Length, Natural, Quantity, Ratio
 from proofmass.base.arrays import Array
 
 MAX_IMPACTS = 10_000
@@ -141,3 +144,13 @@ def properties(
         "impacts": f"{len(times) - 1}, the last one after {times[-1]:.5g} s",
         "at last": f"{', '.join(f'{v:.4g}' for v in speeds[-1])} m/s",
     }
+
+
+class BallRow(ClosedForm, function=solve, properties=properties):
+    """Equal balls in a row that hit each other, one impact after the other."""
+
+    balls: Natural
+    radius: Length
+    gap: Annotated[float, Quantity("m", Domain.NOT_NEGATIVE)]
+    speed: Annotated[float, Quantity("m/s", Domain.POSITIVE)]
+    restitution: Ratio

@@ -1,10 +1,13 @@
 """Ball that falls, bounces with a coefficient of restitution, and comes to rest."""
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.contacts import check_restitution, check_times
 from proofmass.analytic.numerics import check_not_negative, check_number, check_positive
+from proofmass.analytic.protocol import ClosedForm, Domain, Quantity, Ratio, Speed
 from proofmass.base.arrays import Array
 
 
@@ -163,3 +166,12 @@ def properties(
         "highest after it": f"{top:.5g} m",
         "rests": f"from {end:.5g} s on" if np.isfinite(end) else "never",
     }
+
+
+class BouncingBall(ClosedForm, function=solve, properties=properties):
+    """Ball that falls, bounces with a coefficient of restitution, and comes to rest."""
+
+    height: Annotated[float, Quantity("m", Domain.NOT_NEGATIVE)]
+    restitution: Ratio
+    speed: Speed
+    gravity: Annotated[float, Quantity("m/s^2", Domain.POSITIVE)]

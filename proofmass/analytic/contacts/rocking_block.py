@@ -1,5 +1,7 @@
 """Rigid block that rocks on its two lower corners, after Housner."""
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import elliprf
@@ -7,6 +9,7 @@ from scipy.special import elliprf
 from proofmass.analytic.contacts import check_times
 from proofmass.analytic.linkages.pendulum import jacobi_functions
 from proofmass.analytic.numerics import check_number, check_positive
+from proofmass.analytic.protocol import Angle, ClosedForm, Domain, Length, Quantity
 from proofmass.base.arrays import Array
 
 MIN_AMPLITUDE_SHARE = 1e-9
@@ -213,3 +216,12 @@ def properties(
         "rate after an impact": f"{kept:.4g} % of that before it",
         "falls over at": f"{np.degrees(np.arctan2(width, height)):.4g}°",
     }
+
+
+class RockingBlock(ClosedForm, function=solve, properties=properties):
+    """Rigid block that rocks on its two lower corners, after Housner."""
+
+    width: Length
+    height: Length
+    tilt: Angle
+    gravity: Annotated[float, Quantity("m/s^2", Domain.POSITIVE)]

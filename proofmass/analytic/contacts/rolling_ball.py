@@ -1,10 +1,13 @@
 """Ball on a level floor with dry friction, which slides until it rolls."""
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.contacts import check_times
 from proofmass.analytic.numerics import check_not_negative, check_number, check_positive
+from proofmass.analytic.protocol import ClosedForm, Domain, Length, Quantity, Rate, Speed
 from proofmass.base.arrays import Array
 
 SPHERE_INERTIA_RATIO = 0.4
@@ -148,3 +151,14 @@ def properties(
     if not np.isfinite(end):
         return {"rolls": "never"}
     return {"rolls": f"from {end:.5g} s on, at {rolling_speed:.5g} m/s"}
+
+
+class RollingBall(ClosedForm, function=solve, properties=properties):
+    """Ball on a level floor with dry friction, which slides until it rolls."""
+
+    radius: Length
+    friction: Annotated[float, Quantity("1", Domain.NOT_NEGATIVE)]
+    speed: Speed
+    spin: Rate
+    inertia_ratio: Annotated[float, Quantity("1", Domain.POSITIVE)]
+    gravity: Annotated[float, Quantity("m/s^2", Domain.NOT_NEGATIVE)]

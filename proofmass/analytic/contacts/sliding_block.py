@@ -1,10 +1,13 @@
 """Block on a slope with dry friction, which slides, stops, and then sticks or slides back."""
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.contacts import check_times
 from proofmass.analytic.numerics import check_not_negative, check_number, check_positive
+from proofmass.analytic.protocol import Angle, ClosedForm, Domain, Quantity, Speed
 from proofmass.base.arrays import Array
 
 
@@ -141,3 +144,13 @@ def properties(
         "stops": f"after {stop:.5g} s and {distance:.5g} m" if np.isfinite(stop) else "never",
         "at rest": at_rest,
     }
+
+
+class SlidingBlock(ClosedForm, function=solve, properties=properties):
+    """Block on a slope with dry friction, which slides, stops, and then sticks or slides back."""
+
+    friction: Annotated[float, Quantity("1", Domain.NOT_NEGATIVE)]
+    angle: Angle
+    speed: Speed
+    mass: Annotated[float, Quantity("kg", Domain.POSITIVE)]
+    gravity: Annotated[float, Quantity("m/s^2", Domain.NOT_NEGATIVE)]

@@ -33,6 +33,15 @@ from proofmass.analytic.numerics import (
     smooth_root,
     unwrap_angles,
 )
+from proofmass.analytic.protocol import (
+    Acceleration,
+    ClosedForm,
+    Length,
+    Mass,
+    Mode,
+    Position,
+    VaryingMoment,
+)
 from proofmass.base.arrays import Array, Complex
 
 Pair = tuple[Array, Array]
@@ -598,3 +607,23 @@ def _crank_rocker_dead_centres(
     if found != "crank-rocker":
         raise ValueError(f"the lengths must make a crank-rocker, these make a {found}")
     return dead_centres(**lengths, mode=1)
+
+
+class FourBar(ClosedForm, function=solve, properties=properties):
+    """Planar four-bar linkage: motion, coupler curve, moments and forces."""
+
+    covers_inertia = True
+    selects = True
+
+    crank: Length
+    coupler: Length
+    rocker: Length
+    ground: Length
+    mode: Mode
+    point_along: Position
+    point_across: Position
+    crank_mass: Mass
+    coupler_mass: Mass
+    rocker_mass: Mass
+    rocker_load: VaryingMoment
+    gravity: Acceleration

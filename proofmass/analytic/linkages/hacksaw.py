@@ -31,10 +31,20 @@ from proofmass.analytic.numerics import (
     check_one_of,
     check_positive,
 )
+from proofmass.analytic.protocol import (
+    Acceleration,
+    ClosedForm,
+    Length,
+    Mass,
+    Mode,
+    Position,
+    VaryingForce,
+)
 from proofmass.base.arrays import Array, Complex
 
 __all__ = [
     "MODES",
+    "Hacksaw",
     "motor",
     "newton_convergence",
     "newton_course",
@@ -653,3 +663,27 @@ def report_sweeps(
         for form in forms
     }
     return time, sweeps, reference
+
+
+class Hacksaw(ClosedForm, function=solve):
+    """Power hacksaw: offset slider-crank with the slider on a guide above the crank axis."""
+
+    covers_inertia = True
+    selects = True
+    charts = (
+        newton_convergence,
+        newton_course,
+        newton_errors,
+        newton_steps,
+    )
+    profiles = (motor,)
+
+    crank: Length
+    coupler: Length
+    offset: Position
+    mode: Mode
+    cutting_force: VaryingForce
+    crank_mass: Mass
+    coupler_mass: Mass
+    slider_mass: Mass
+    gravity: Acceleration

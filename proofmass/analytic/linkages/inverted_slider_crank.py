@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Collection
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +26,17 @@ from proofmass.analytic.numerics import (
     dot,
     rounding_of_sum,
     unwrap_angles,
+)
+from proofmass.analytic.protocol import (
+    Acceleration,
+    ClosedForm,
+    Domain,
+    Length,
+    Mass,
+    Mode,
+    MomentOfInertia,
+    Position,
+    Quantity,
 )
 from proofmass.base.arrays import Array, Complex
 
@@ -270,3 +282,23 @@ def _rod_direction(separation: Complex, rounding: float, a1: Array, a2: Array) -
             f"angle {a2[bad]:.9g} rad: the rod has no direction"
         )
     return separation / distance
+
+
+class InvertedSliderCrank(ClosedForm, function=solve):
+    """Inverted slider-crank: a rod on a driven crank slides through the tip of a driven bar."""
+
+    covers_inertia = True
+    selects = True
+
+    crank: Length
+    bar: Annotated[float, Quantity("m", Domain.NOT_NEGATIVE)]
+    rod: Length
+    ground_x: Position
+    ground_y: Position
+    mode: Mode
+    crank_mass: Mass
+    bar_mass: Mass
+    rod_mass: Mass
+    slider_mass: Mass
+    slider_inertia: MomentOfInertia
+    gravity: Acceleration

@@ -1,10 +1,13 @@
 """Simple pendulum with any amplitude below half a turn, by Jacobi elliptic functions."""
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ellipkm1
 
 from proofmass.analytic.numerics import check_finite, check_number, check_positive
+from proofmass.analytic.protocol import Angle, ClosedForm, Domain, Length, Quantity
 from proofmass.base.arrays import Array
 
 
@@ -128,3 +131,12 @@ def jacobi_functions(u: Array, k: float, k_prime: float) -> tuple[Array, Array, 
     # Shift by quarter periods (DLMF 22.4(iii)): cn and dn near their zero keep their digits.
     shifted = np.where(odd, cn / dn, sn), np.where(odd, -k_prime * sn / dn, cn)
     return sign * shifted[0], sign * shifted[1], np.where(odd, k_prime / dn, dn)
+
+
+class Pendulum(ClosedForm, function=solve):
+    """Simple pendulum with any amplitude below half a turn, by Jacobi elliptic functions."""
+
+    length: Length
+    mass: Annotated[float, Quantity("kg", Domain.POSITIVE)]
+    gravity: Annotated[float, Quantity("m/s^2", Domain.POSITIVE)]
+    amplitude: Angle

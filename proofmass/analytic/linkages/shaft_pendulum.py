@@ -1,5 +1,7 @@
 """Pendulum on a driven shaft with dry friction, which sticks to the shaft or slips."""
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -10,6 +12,7 @@ from proofmass.analytic.numerics import (
     check_positive,
     motion_senses,
 )
+from proofmass.analytic.protocol import ClosedForm, Domain, Length, Quantity
 from proofmass.base.arrays import Array
 
 
@@ -168,3 +171,15 @@ def properties(
         "lost in a cycle": f"2 friction (way - {np.degrees(2 * limit):.2f}°) between the pendulum "
         "and the shaft",
     }
+
+
+class ShaftPendulum(ClosedForm, function=solve, properties=properties):
+    """Pendulum on a driven shaft with dry friction, which sticks to the shaft or slips."""
+
+    marks = (events,)
+
+    length: Length
+    mass: Annotated[float, Quantity("kg", Domain.POSITIVE)]
+    friction: Annotated[float, Quantity("N m", Domain.POSITIVE)]
+    bearing_friction: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
+    gravity: Annotated[float, Quantity("m/s^2", Domain.POSITIVE)]

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from math import fsum
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +29,18 @@ from proofmass.analytic.numerics import (
     rounding_of_sum,
     smooth_root,
     unwrap_angles,
+)
+from proofmass.analytic.protocol import (
+    Acceleration,
+    Angle,
+    ClosedForm,
+    Domain,
+    Length,
+    Mass,
+    Mode,
+    Position,
+    Quantity,
+    VaryingForce,
 )
 from proofmass.base.arrays import Array, Complex
 
@@ -392,3 +405,25 @@ def _coupler_derivatives(roots: list[tuple[float, Array, Array]], mode: int) -> 
     (slope1, bend1), (slope2, bend2) = (root_derivatives(*each) for each in roots)
     bend = 0.5 * (two * slope2 * bend1 - one * slope1 * bend2)
     return -mode * slope1 * slope2, mode * bend
+
+
+class SliderCrank(ClosedForm, function=solve, properties=properties):
+    """Slider-crank on a guide of any inclination: motion, moment and forces, dead points."""
+
+    covers_inertia = True
+    selects = True
+
+    crank: Length
+    coupler: Length
+    guide_x: Position
+    guide_y: Position
+    guide_angle: Angle
+    mode: Mode
+    crank_mass: Mass
+    coupler_mass: Mass
+    slider_mass: Mass
+    slider_load: VaryingForce
+    gravity: Acceleration
+    crank_friction: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
+    pin_friction: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
+    slider_friction: Annotated[float, Quantity("N", Domain.NOT_NEGATIVE)]

@@ -12,6 +12,15 @@ from proofmass.analytic.numerics import (
     check_number,
     check_positive,
 )
+from proofmass.analytic.protocol import (
+    Acceleration,
+    ClosedForm,
+    Length,
+    Mass,
+    Mode,
+    MomentOfInertia,
+    Position,
+)
 from proofmass.base.arrays import Array
 
 MODES = inverted_slider_crank.MODES
@@ -146,3 +155,21 @@ def extremes(*, crank: float, pivot_x: float, pivot_y: float = 0.0) -> tuple[Arr
         direction + side * np.arccos(crank / distance),
         direction - side * np.arcsin(crank / distance),
     )
+
+
+class SwingingBlock(ClosedForm, function=solve):
+    """Swinging-block linkage: the classic inverted slider-crank, whose slider has a fixed pivot."""
+
+    covers_inertia = True
+    selects = True
+
+    crank: Length
+    rod: Length
+    pivot_x: Position
+    pivot_y: Position
+    mode: Mode
+    crank_mass: Mass
+    rod_mass: Mass
+    block_mass: Mass
+    block_inertia: MomentOfInertia
+    gravity: Acceleration

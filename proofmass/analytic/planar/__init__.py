@@ -67,6 +67,7 @@ from proofmass.analytic.planar.mechanism import (
     read,
 )
 from proofmass.analytic.planar.support import SUPPORT
+from proofmass.analytic.protocol import Ask, InputMotion, Reference
 from proofmass.analytic.stops import MotionWithStops, Stop, make_stops, refuse_limit
 from proofmass.analytic.support import refuse, refuse_contacts, run_kind
 from proofmass.base.arrays import Array, Complex, Index
@@ -722,3 +723,37 @@ class LinkageAtRest:
     def values(self, q: Array) -> Array:
         """Values of the drives (n, drives) [rad or m]."""
         return q[:, self.driven]
+
+
+class Planar(Reference):
+    """The general planar linkage: the reference of any planar MJCF that has no closed form."""
+
+    reads_model = True
+    covers_inertia = True
+    follows_controls = True
+
+    def solve(self, motion: InputMotion, ask: Ask) -> dict[str, Array]:
+        """Curves of all sensors of the model, see the function `solve` of this module."""
+        run = ask.of_model
+        return solve(
+            *motion.arguments,
+            model=run.model,
+            start=run.start,
+            joints=run.joints,
+            inertia=ask.inertia,
+            controls=run.controls,
+            control_rates=run.control_rates,
+            in_time=run.in_time,
+            control_profiles=run.control_profiles,
+        )
+
+    def properties(self, motion: InputMotion, ask: Ask) -> dict[str, str]:
+        """Events at the stops of a free motion, in words."""
+        run = ask.of_model
+        return properties(
+            model=run.model,
+            start=run.start,
+            joints=run.joints,
+            motion=motion.x,
+            control_profiles=run.control_profiles or None,
+        )

@@ -9,6 +9,20 @@ angle of its tangent and n the constant force on its tip::
 which may also stretch and shear.
 """
 
+from typing import Annotated
+
+from proofmass.analytic.protocol import (
+    Angle,
+    BendingStiffness,
+    ClosedForm,
+    Domain,
+    Force,
+    Length,
+    Moment,
+    Natural,
+    Position,
+    Quantity,
+)
 from proofmass.analytic.rods.buckling import buckling, imperfect
 from proofmass.analytic.rods.cantilever import equilibria, pseudo_rigid, solve
 from proofmass.analytic.rods.column import critical, elastica, ends_meet, self_buckling
@@ -25,6 +39,7 @@ from proofmass.analytic.rods.rod_pinned import pinned
 from proofmass.analytic.rods.shooting import from_tip, integrate
 
 __all__ = [
+    "ClampedRod",
     "bounds",
     "buckling",
     "critical",
@@ -45,3 +60,28 @@ __all__ = [
     "solve",
     "tip",
 ]
+
+
+class ClampedRod(ClosedForm, function=solve):
+    """A clamped planar rod under dead loads, which may also stretch and shear."""
+
+    charts = (
+        buckling,
+        imperfect,
+    )
+
+    length: Length
+    stiffness: BendingStiffness
+    force_x: Force
+    force_y: Force
+    moment: Moment
+    weight_x: Annotated[float, Quantity("N/m")]
+    weight_y: Annotated[float, Quantity("N/m")]
+    follower_x: Force
+    follower_y: Force
+    x0: Position
+    y0: Position
+    theta0: Angle
+    axial: Annotated[float, Quantity("N", Domain.POSITIVE_OR_INF)]
+    shear: Annotated[float, Quantity("N", Domain.POSITIVE_OR_INF)]
+    branch: Natural

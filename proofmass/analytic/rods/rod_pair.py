@@ -5,12 +5,24 @@ singularities and the stiffness.
 """
 
 from itertools import count
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.chart import MAX_PANELS, Chart, ChartLine, Panel, line_through
 from proofmass.analytic.numerics import check_not_negative, check_number, check_positive
+from proofmass.analytic.protocol import (
+    Angle,
+    BendingStiffness,
+    ClosedForm,
+    Domain,
+    Force,
+    Length,
+    Moment,
+    Position,
+    Quantity,
+)
 from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly
 from proofmass.analytic.rods.elastica import arc_lengths, check_stiffness
@@ -482,3 +494,27 @@ def solve(
         "energy": found.energy.sum(),
     }
     return known | {name: np.full(arc.shape, value) for name, value in ends.items()}
+
+
+class RodPair(ClosedForm, function=solve):
+    """Two clamped rods with their tips on one pin (2RFR), at rest under a dead load."""
+
+    charts = (
+        equilibria,
+        motor_angles,
+        workspace,
+    )
+
+    distance: Annotated[float, Quantity("m", Domain.NOT_NEGATIVE)]
+    theta1: Angle
+    theta2: Angle
+    force_x: Force
+    force_y: Force
+    pin_x: Position
+    pin_y: Position
+    moment1: Moment
+    moment2: Moment
+    push_x: Force
+    push_y: Force
+    length: Length
+    stiffness: BendingStiffness

@@ -2,12 +2,24 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from proofmass.analytic.numerics import check_finite
+from proofmass.analytic.protocol import (
+    BendingStiffness,
+    ClosedForm,
+    Domain,
+    Force,
+    Length,
+    Moment,
+    Position,
+    Quantity,
+    VaryingForce,
+)
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.continuation import follow, loads_and_rates
 from proofmass.analytic.rods.equilibrium import (
@@ -370,3 +382,25 @@ def describe_equilibria(s: RodState, rate: Array, growth: Array) -> dict[str, Ar
         "energy": s.energy.sum(axis=1),
         "pin_stiffness": np.linalg.eigvalsh(slopes.stiffness)[:, 0],
     }
+
+
+class DrivenRodPair(ClosedForm, function=solve):
+    """Two clamped rods with their tips on one pin (2RFR), moved by their motors."""
+
+    takes_load_rates = True
+    profiles = (
+        circles,
+        rectangles,
+    )
+
+    distance: Annotated[float, Quantity("m", Domain.NOT_NEGATIVE)]
+    pin_x: Position
+    pin_y: Position
+    moment1: Moment
+    moment2: Moment
+    push_x: Force
+    push_y: Force
+    force_x: VaryingForce
+    force_y: VaryingForce
+    length: Length
+    stiffness: BendingStiffness

@@ -6,7 +6,7 @@ A first guess of the force and the moment determines which equilibrium Newton's 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,17 @@ from proofmass.analytic import newton_raphson
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
 from proofmass.analytic.newton_raphson import NewtonLog, System
 from proofmass.analytic.numerics import TURN, check_finite, check_number, check_positive
+from proofmass.analytic.protocol import (
+    Angle,
+    BendingStiffness,
+    ClosedForm,
+    Domain,
+    Force,
+    Length,
+    Moment,
+    Position,
+    Quantity,
+)
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.elastica import (
     arc_lengths,
@@ -748,3 +759,28 @@ def rods_of_load(psi: float, k_rel: Array, size: Array, mode: int, load: float) 
 def format_inflections(mode: int) -> str:
     """A label with the number of inflections."""
     return "1 inflection, the tip" if mode == 1 else f"{mode} inflections"
+
+
+class PinnedRod(ClosedForm, function=solve):
+    """A rod from a clamp to a pin at a given position: its force and moment by shooting."""
+
+    charts = (
+        loads,
+        loads_of_direction,
+        moduli,
+        shooting_convergence,
+        shooting_course,
+    )
+
+    pin_x: Position
+    pin_y: Position
+    force_x: Force
+    force_y: Force
+    moment: Moment
+    length: Length
+    stiffness: BendingStiffness
+    theta0: Angle
+    weight_x: Annotated[float, Quantity("N/m")]
+    weight_y: Annotated[float, Quantity("N/m")]
+    axial: Annotated[float, Quantity("N", Domain.POSITIVE_OR_INF)]
+    shear: Annotated[float, Quantity("N", Domain.POSITIVE_OR_INF)]

@@ -1,12 +1,24 @@
 """Three clamped rods with their tips on one rigid platform (3RFR), at rest under a dead load."""
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.numerics import check_positive
+from proofmass.analytic.protocol import (
+    Angle,
+    BendingStiffness,
+    ClosedForm,
+    Domain,
+    Force,
+    Length,
+    Moment,
+    Natural,
+    OneOf,
+    Quantity,
+)
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
@@ -215,3 +227,21 @@ def platform_is_stable(s: RodState) -> NDArray[np.bool_]:
     eigenvalues = np.linalg.eigvalsh(derivatives(s).compliance / np.outer(size, size))
     largest = np.abs(eigenvalues).max(axis=-1)
     return np.asarray(eigenvalues[..., 0] >= -COMPLIANCE_ROUNDING * largest)
+
+
+class RodPlatform(ClosedForm, function=solve):
+    """Three clamped rods with their tips on one platform (3RFR), at rest under a dead load."""
+
+    side: Length
+    theta1: Angle
+    theta2: Angle
+    theta3: Angle
+    radius: Length
+    force_x: Force
+    force_y: Force
+    moment: Moment
+    mode: Annotated[int, OneOf(MODES)]
+    inflections: Natural
+    length: Length
+    stiffness: BendingStiffness
+    rigid_extension: Annotated[float, Quantity("m", Domain.NOT_NEGATIVE)]

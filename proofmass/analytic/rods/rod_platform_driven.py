@@ -6,11 +6,24 @@ with constant orientation.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.chart import Chart
+from proofmass.analytic.protocol import (
+    Angle,
+    BendingStiffness,
+    ClosedForm,
+    Domain,
+    Length,
+    Natural,
+    OneOf,
+    Quantity,
+    VaryingForce,
+    VaryingMoment,
+)
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.continuation import follow, loads_and_rates
 from proofmass.analytic.rods.equilibrium import RodState, columns, derivatives, newton
@@ -276,3 +289,27 @@ def describe_equilibria(found: RodState, rate: Array, growth: Array) -> Array:
     if guide is not None:
         drive_loads = (found.force @ np.array([1.0, -1.0j]) * guide).real
     return np.vstack([found.pose.T, pose_rates.T, -drive_loads.T, found.energy.sum(axis=-1)])
+
+
+class DrivenRodPlatform(ClosedForm, function=solve):
+    """Three clamped rods on one rigid platform, driven along guides (3PFR) or by motors (3RFR)."""
+
+    takes_load_rates = True
+    charts = (constant_orientation,)
+
+    side: Length
+    theta1: Angle
+    theta2: Angle
+    theta3: Angle
+    guide1: Angle
+    guide2: Angle
+    guide3: Angle
+    radius: Length
+    force_x: VaryingForce
+    force_y: VaryingForce
+    moment: VaryingMoment
+    mode: Annotated[int, OneOf(MODES)]
+    inflections: Natural
+    length: Length
+    stiffness: BendingStiffness
+    rigid_extension: Annotated[float, Quantity("m", Domain.NOT_NEGATIVE)]

@@ -6,10 +6,21 @@ r"""Straight clamped rod released under its own weight: a motion of any amplitud
           |                           gravity along -y
 """
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import check_number, check_positive
+from proofmass.analytic.protocol import (
+    Acceleration,
+    Angle,
+    BendingStiffness,
+    ClosedForm,
+    Domain,
+    Length,
+    Quantity,
+)
 from proofmass.analytic.rods.rod_motion import MovingRod, RodStart, resolved_motion
 from proofmass.base.arrays import Array
 
@@ -95,3 +106,13 @@ def start_at_rest(
     """
     rod = MovingRod(length, stiffness, mass, gravity=-1j * gravity, theta0=theta0)
     return rod, lambda count: (np.zeros(count), np.zeros(count))
+
+
+class ReleasedRod(ClosedForm, function=solve):
+    """Straight clamped rod released under its own weight: a motion of any amplitude in a plane."""
+
+    length: Length
+    stiffness: BendingStiffness
+    mass: Annotated[float, Quantity("kg", Domain.POSITIVE)]
+    gravity: Acceleration
+    theta0: Angle

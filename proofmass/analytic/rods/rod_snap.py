@@ -16,6 +16,7 @@ beyond each fold.  In the other direction a grows, and the rod is wound.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +25,7 @@ from scipy.special import ellipkm1
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel, line_through
 from proofmass.analytic.numerics import TURN, check_positive
+from proofmass.analytic.protocol import BendingStiffness, ClosedForm, Length, OneOf
 from proofmass.analytic.rods.column import complete_integrals
 from proofmass.analytic.rods.elastica import check_stiffness, from_inflection, rods_of_chart
 from proofmass.base.arrays import Array, Complex
@@ -447,3 +449,18 @@ def properties(
         "holding moment": f"{before:.4g} N m before a snap, {after:.4g} N m after it",
         "lost in a snap": f"{unit * energy_drop(snap_rods):.4g} J of {unit * ends.energy[0]:.4g} J",
     }
+
+
+class SnappingRod(ClosedForm, function=solve, properties=properties):
+    """Rod between a motor and a pin that is nearer than its length: it snaps from side to side."""
+
+    charts = (
+        branches,
+        shapes,
+    )
+    marks = (events,)
+
+    length: Length
+    stiffness: BendingStiffness
+    distance: Length
+    side: Annotated[str, OneOf(("left", "right"))]

@@ -18,6 +18,7 @@ from proofmass.analytic.numerics import (
     check_number,
     check_positive,
 )
+from proofmass.analytic.protocol import Acceleration, BendingStiffness, ClosedForm, Length, Mass
 from proofmass.analytic.rods.rod_motion import MovingRod, RodStart, resolved_motion
 from proofmass.base.arrays import Array, Complex
 
@@ -169,3 +170,15 @@ def start_straight(
         coupler, stiffness, coupler_mass, False, -1j * gravity, line, begin, slider_mass
     )
     return rod, lambda count: (np.zeros(count), turning * np.eye(1, count)[0])
+
+
+class ElasticSliderCrank(ClosedForm, function=solve):
+    """Slider-crank with an elastic coupler with mass, its crank driven at a constant rate."""
+
+    crank: Length
+    coupler: Length
+    stiffness: BendingStiffness
+    coupler_mass: Mass
+    slider_mass: Mass
+    crank_mass: Mass
+    gravity: Acceleration

@@ -22,11 +22,21 @@ length.
 
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import TURN, check_finite, check_positive
+from proofmass.analytic.protocol import (
+    BendingStiffness,
+    ClosedForm,
+    Domain,
+    Force,
+    Length,
+    Moment,
+    Quantity,
+)
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.elastica import arc_lengths, check_section_stiffnesses
 from proofmass.analytic.rods.shooting import runge_kutta
@@ -432,3 +442,28 @@ def negative_directions(load: SpatialLoad, begin: Array, steps: int, share: floa
         springs = np.append(springs, np.tile(1.0 / load.strains, STABILITY_LINKS)[has_slide])
     matrix[np.diag_indices(size)] += springs / h
     return int((np.linalg.eigvalsh(matrix) < 0.0).sum())
+
+
+class SpatialRod(ClosedForm, function=solve):
+    """A clamped rod in space under dead loads: it bends to two sides, twists, stretches, shears."""
+
+    in_space = True
+
+    length: Length
+    stiffness: BendingStiffness
+    stiffness_y: BendingStiffness
+    torsion: BendingStiffness
+    axial: Annotated[float, Quantity("N", Domain.POSITIVE_OR_INF)]
+    shear: Annotated[float, Quantity("N", Domain.POSITIVE_OR_INF)]
+    twist: Annotated[float, Quantity("1/m")]
+    curvature_y: Annotated[float, Quantity("1/m")]
+    curvature: Annotated[float, Quantity("1/m")]
+    force_x: Force
+    force_y: Force
+    force_z: Force
+    moment_x: Moment
+    moment_y: Moment
+    moment_z: Moment
+    weight_x: Annotated[float, Quantity("N/m")]
+    weight_y: Annotated[float, Quantity("N/m")]
+    weight_z: Annotated[float, Quantity("N/m")]

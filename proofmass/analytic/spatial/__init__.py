@@ -26,6 +26,7 @@ from proofmass.analytic.controls import (
 from proofmass.analytic.equilibrium import EquilibriumSolver
 from proofmass.analytic.mjcf import SensorData, SensorFrame, SensorKind
 from proofmass.analytic.numerics import NotCovered, rotation_matrix, unwrap_quaternions
+from proofmass.analytic.protocol import Ask, InputMotion, Reference
 from proofmass.analytic.spatial.equilibrium import TreeAtRest
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
 from proofmass.analytic.spatial.mechanism import (
@@ -616,3 +617,50 @@ def spring_energy(stiffness: tuple[float, ...], x: Array) -> Array:
     """Energy (n,) of a spring of polynomial stiffness at a stretch (n,) [J]."""
     shares = [c / (k + 2) for k, c in enumerate(stiffness)]
     return np.asarray(x**2 * np.polynomial.polynomial.polyval(x, shares))
+
+
+class Spatial(Reference):
+    """Any spatial mechanism: the reference of an MJCF with bodies that move in space."""
+
+    reads_model = True
+    covers_inertia = True
+    follows_controls = True
+    in_space = True
+
+    def solve(self, motion: InputMotion, ask: Ask) -> dict[str, Array]:
+        """Curves of all sensors of the model, see the function `solve` of this module."""
+        run = ask.of_model
+        return solve(
+            *motion.arguments,
+            model=run.model,
+            start=run.start,
+            joints=run.joints,
+            inertia=ask.inertia,
+            terms=run.terms(),
+            controls=run.controls,
+            control_rates=run.control_rates,
+            in_time=run.in_time,
+            control_profiles=run.control_profiles,
+        )
+
+    @classmethod
+    def leaves_dof(cls, model: Any, start: str, joints: tuple[str, ...]) -> bool:
+        """Whether the drives leave degrees of freedom, which a sweep has in equilibrium."""
+        tree, _ = tree_and_terms(model, start, None)
+        return has_free_dof(tree, joints)
+
+    def properties(self, motion: InputMotion, ask: Ask) -> dict[str, str]:
+        """The equations of motion, how well they are confirmed, and events at stops, in words."""
+        run = ask.of_model
+        changing = bool(run.control_profiles)  # controls in time have profiles instead of values
+        return properties(
+            model=run.model,
+            start=run.start,
+            terms=run.terms(),
+            joints=run.joints,
+            motion=motion.x if motion.drives is None else np.stack(motion.drives),
+            in_time=run.in_time,
+            controls=None if changing else run.controls,
+            control_rates=None if changing else run.control_rates,
+            control_profiles=run.control_profiles if changing else None,
+        )

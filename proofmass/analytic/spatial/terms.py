@@ -188,7 +188,7 @@ def newton_euler_forces(tree: Tree, motion: TreeMotion, inertia: Array) -> tuple
 
 
 @dataclass(frozen=True)
-class Length:
+class TendonLength:
     """Lengths of a tendon, or values of a joint, at n poses.
 
     Attributes
@@ -207,7 +207,9 @@ class Length:
     drift: Array
 
 
-def tendon_length(tree: Tree, motion: TreeMotion, q: Array, v: Array, tendon: TendonData) -> Length:
+def tendon_length(
+    tree: Tree, motion: TreeMotion, q: Array, v: Array, tendon: TendonData
+) -> TendonLength:
     """Lengths of a tendon with their derivatives."""
     n = len(q)
     value, rate, drift, rows = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros_like(v)
@@ -231,7 +233,7 @@ def tendon_length(tree: Tree, motion: TreeMotion, q: Array, v: Array, tendon: Te
         rows = rows + np.einsum("nk,nkr->nr", along, difference_rows)
         drift = drift + (along * change).sum(axis=1)
         drift = drift + ((speed**2).sum(axis=1) - segment_rate**2) / length
-    return Length(value, rate, rows, drift)
+    return TendonLength(value, rate, rows, drift)
 
 
 def polynomial_values(coefficients: tuple[float, ...], x: Array) -> Array:
@@ -239,7 +241,7 @@ def polynomial_values(coefficients: tuple[float, ...], x: Array) -> Array:
     return np.asarray(np.polynomial.polynomial.polyval(x, coefficients))
 
 
-def spring_forces(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Array:
+def spring_forces(tree: Tree, lengths: list[TendonLength], q: Array, v: Array) -> Array:
     """Generalized forces of springs and dampers (n, rates)."""
     speed = np.abs(v)
     force = -v * (tree.damping[:, 0] + speed * (tree.damping[:, 1] + speed * tree.damping[:, 2]))
@@ -261,7 +263,7 @@ def spring_forces(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Arra
 
 
 def actuator_forces(
-    tree: Tree, lengths: list[Length], q: Array, v: Array, ctrl: Array | None
+    tree: Tree, lengths: list[TendonLength], q: Array, v: Array, ctrl: Array | None
 ) -> Iterator[tuple[ActuatorData, Array]]:
     """Iterate over the actuators on joints and tendons with their forces (n,) [N or N m]."""
     controls = tree.ctrl[None] if ctrl is None else ctrl
@@ -276,7 +278,7 @@ def actuator_forces(
 def actuators_on_joints(
     tree: Tree,
     motion: TreeMotion,
-    lengths: list[Length],
+    lengths: list[TendonLength],
     q: Array,
     v: Array,
     ctrl: Array | None = None,
@@ -343,7 +345,7 @@ def tendon_stretch(tendon: TendonData, length: Array) -> Array:
 
 
 def equality_terms(
-    tree: Tree, motion: TreeMotion, lengths: list[Length], q: Array, v: Array
+    tree: Tree, motion: TreeMotion, lengths: list[TendonLength], q: Array, v: Array
 ) -> tuple[Array, Array, Array]:
     """Violations, Jacobian and drifts of all equalities: loops first, then ties."""
     found = [loop_terms(tree, motion, loop) for loop in tree.loops]
@@ -413,16 +415,16 @@ def as_quaternions(vectors: Array) -> Array:
 
 
 def tie_terms(
-    tree: Tree, lengths: list[Length], tie: TieData, q: Array, v: Array
+    tree: Tree, lengths: list[TendonLength], tie: TieData, q: Array, v: Array
 ) -> tuple[Array, Array, Array]:
     """Violation (n, 1), Jacobian (n, 1, rates) and drift (n, 1) of a joint or tendon equality."""
 
-    def value(number: int) -> tuple[Length, float]:
+    def value(number: int) -> tuple[TendonLength, float]:
         if tie.tendons:
             return lengths[number], tree.tendons[number].zero
         joint, rows = tree.joints[number], np.zeros_like(v)
         rows[:, joint.rate] = 1.0
-        one = Length(q[:, joint.pose], v[:, joint.rate], rows, np.zeros(len(q)))
+        one = TendonLength(q[:, joint.pose], v[:, joint.rate], rows, np.zeros(len(q)))
         return one, joint.zero
 
     one, zero = value(tie.one)

@@ -7,7 +7,6 @@ the curves of the solver.  It explains the channels that differ without the chan
 it; channels that agree without the change and differ with it count against it.
 """
 
-import inspect
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -16,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from proofmass.base.recording import Recorded
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
 from proofmass.evidence.diagnosis.channels import (
@@ -51,7 +49,8 @@ from proofmass.evidence.diagnosis.settings import (
     setting_changes,
     sibling_causes,
 )
-from proofmass.reference.reference import assembly_modes, load_reference
+from proofmass.reference.find import reference_class
+from proofmass.reference.reference import assembly_modes
 from proofmass.sim.protocol.curves import Curves
 
 MAX_CAUSES = 5  # causes that are kept
@@ -262,13 +261,11 @@ def best_causes(causes: Sequence[Explanation]) -> tuple[Explanation, ...]:
 
 def mode_causes(residuals: Residuals) -> Iterator[Explanation]:
     """Causes in which the reference has another assembly mode."""
-    solver = load_reference(residuals.case)
-    if isinstance(solver, Recorded) or not assembly_modes(residuals.case):
+    reference = reference_class(residuals.case)
+    if reference is None or not reference.modes():
         return
     residuals.log.tried.append("other assembly modes")
-    own: Any = residuals.case.parameters.get(
-        "mode", inspect.signature(solver.solve).parameters["mode"].default
-    )
+    own: Any = residuals.case.parameters.get("mode", reference.parameters["mode"].default)
     for mode in assembly_modes(residuals.case):
         if residuals.budget.lasts and mode != own and (after := residuals.at({"mode": mode})):
             keys, values = ["parameters", "mode"], (f"{own:+g}", f"{mode:+d}")

@@ -34,7 +34,7 @@ from proofmass.reference.reference import (
     compiled_model,
     evaluate,
     parameter_unit,
-    reference_reads_model,
+    reads_model,
 )
 from proofmass.reference.run_reference import changeable_parameters
 from proofmass.run.solve import call_engine, plan_run, solve_here
@@ -291,7 +291,7 @@ class ModelResiduals(Residuals):
 
     def __init__(self, case: Case, run: Kind, solver: str, curves: Curves) -> None:
         super().__init__(case, run, solver, curves)
-        if reference_reads_model(case):
+        if reads_model(case):
             self.allowed = {
                 n: most for n, most in self.allowed.items() if n in case.constant_channels
             }

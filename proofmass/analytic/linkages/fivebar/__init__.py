@@ -23,10 +23,20 @@ from proofmass.analytic.linkages.fivebar.maps import (
     reach_area,
     type_2,
 )
+from proofmass.analytic.protocol import (
+    Acceleration,
+    ClosedForm,
+    Length,
+    Mass,
+    Mode,
+    Position,
+    VaryingForce,
+)
 
 __all__ = [
     "MODES",
     "WORKING_MODES",
+    "FiveBar",
     "FivebarLengths",
     "aspects",
     "circle",
@@ -43,3 +53,36 @@ __all__ = [
     "working_modes",
     "workspace",
 ]
+
+
+class FiveBar(ClosedForm, function=solve, properties=properties):
+    """Planar five-bar linkage with both cranks driven: motion, workspace, charts."""
+
+    covers_inertia = True
+    selects = True
+    charts = (
+        crank_angles,
+        singular_poses,
+        working_modes,
+        workspace,
+    )
+    profiles = (
+        circle,
+        rectangle,
+    )
+
+    left_crank: Length
+    left_coupler: Length
+    right_coupler: Length
+    right_crank: Length
+    left_x: Position
+    right_x: Position
+    mode: Mode
+    left_crank_mass: Mass
+    left_coupler_mass: Mass
+    right_coupler_mass: Mass
+    right_crank_mass: Mass
+    tip_mass: Mass
+    gravity: Acceleration
+    force_x: VaryingForce
+    force_y: VaryingForce

@@ -1,5 +1,7 @@
 """Rigid 3PRR planar parallel robot: motion, inverse problem, all poses, workspace, and charts."""
 
+from typing import Annotated
+
 from proofmass.analytic.linkages.threeprr.charts import (
     direct_poses,
     leg_modes,
@@ -27,12 +29,23 @@ from proofmass.analytic.linkages.threeprr.maps import (
     type_2_of_slice,
     volume,
 )
+from proofmass.analytic.protocol import (
+    Acceleration,
+    ClosedForm,
+    Length,
+    Mass,
+    OneOf,
+    Position,
+    VaryingForce,
+    VaryingMoment,
+)
 
 __all__ = [
     "MODES",
     "SIGNS",
     "WORKING_MODES",
     "RobotLengths",
+    "ThreePrr",
     "WorkspaceSlice",
     "angles_of_place",
     "aspects_of_slice",
@@ -51,3 +64,33 @@ __all__ = [
     "workspace",
     "workspace_slice",
 ]
+
+
+class ThreePrr(ClosedForm, function=solve):
+    """Rigid 3PRR planar parallel robot: motion, all poses, workspace, and charts."""
+
+    covers_inertia = True
+    selects = True
+    charts = (
+        direct_poses,
+        leg_modes,
+        singular_poses,
+        slice_area,
+        workspace,
+        workspace_slice,
+    )
+    profiles = (circle,)
+
+    side: Length
+    leg: Length
+    guide2_x: Position
+    guide3_x: Position
+    guide3_y: Position
+    mode: Annotated[int, OneOf(MODES)]
+    platform_mass: Mass
+    leg_mass: Mass
+    slider_mass: Mass
+    load_x: VaryingForce
+    load_y: VaryingForce
+    load_moment: VaryingMoment
+    gravity: Acceleration

@@ -1,0 +1,206 @@
+"""Find the reference of a case: an entry point, a program beside the sidecar, or recorded rows.
+
+An entry point of the group ``proofmass.references`` names a subclass of `Reference`.  A program is
+a Python file beside the sidecar, ``reference = "yoke.py"``, in which one such class is defined.  It
+is code, and runs when the sidecar is loaded. So a command runs it only if the user names the
+sidecar, and not because it lies in a folder that is searched.
+"""
+
+import sys
+from functools import cache, lru_cache
+from hashlib import sha256
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
+from proofmass.analytic.protocol import Reference
+from proofmass.base.entry_points import (
+    NotLoaded,
+    distribution_of,
+    entry_points_of,
+    load_entry_point,
+)
+from proofmass.base.errors import suggest_names
+from proofmass.base.files import content_key
+from proofmass.base.recorded import RecordingTable, read_table
+from proofmass.base.recording import Recorded
+from proofmass.base.units import si_unit
+from proofmass.case.case import Case
+from proofmass.case.inputs import PROGRAM_ENDING
+
+REFERENCE_GROUP = "proofmass.references"
+REFERENCES_IN_MEMORY = 64
+"""Number of read curves, and of programs, in memory."""
+read_recorded_once = lru_cache(REFERENCES_IN_MEMORY)(
+    lambda file, content, settings: Recorded(
+        read_table(file), RecordingTable.model_validate_json(settings)
+    )
+)
+
+
+class NoReference(ValueError):
+    """No reference has that name, or it cannot be loaded; the message says why."""
+
+
+def reference_names() -> list[str]:
+    """The names of all references that are installed, those of this distribution first."""
+    return list(entry_points_of(REFERENCE_GROUP))
+
+
+@cache
+def find_reference(name: str) -> type[Reference]:
+    """Load a reference by its name.
+
+    Raises
+    ------
+    NoReference
+        No distribution has it, or two have; it cannot be loaded, or it is no `Reference`.
+    """
+    there = entry_points_of(REFERENCE_GROUP).get(name, ())
+    if not there:
+        raise NoReference(
+            f"no reference {name!r}; {suggest_names(name, sorted(reference_names()))}; or name a "
+            "recorded curve NAME.csv or a program NAME.py"
+        )
+    if len(there) > 1:
+        both = " and ".join(f"{one.value} of {distribution_of(one)}" for one in there)
+        raise NoReference(f"two references have the name {name!r}: {both}; remove one of them")
+    try:
+        found = load_entry_point(there[0], "reference")
+    except NotLoaded as error:
+        raise NoReference(str(error)) from error
+    if not (isinstance(found, type) and issubclass(found, Reference)):
+        raise NoReference(
+            f"reference {name!r}, of {distribution_of(there[0])}: {there[0].value} is no class of "
+            "proofmass.analytic.protocol.Reference"
+        )
+    return checked(found)
+
+
+def load_reference(case: Case) -> type[Reference] | Recorded:
+    """Load the class of a case's reference, or read its recorded rows.
+
+    Raises
+    ------
+    InputError
+        There is no such reference, or it cannot be loaded or read.
+    """
+    file = case.file.parent / case.reference
+    if case.recorded:
+        settings = case.recording.model_dump_json() if case.recording else "{}"
+        try:
+            return read_recorded_once(file, content_key(file), settings)
+        except ValueError as error:
+            raise case.error("recording", str(error)) from None
+    try:
+        return find_class(case.reference, case.file)
+    except NoReference as error:
+        raise case.error("reference", str(error)) from None
+
+
+def reference_class(case: Case) -> type[Reference] | None:
+    """The class of a case's reference; None for recorded rows."""
+    found = load_reference(case)
+    return None if isinstance(found, Recorded) else found
+
+
+def find_class(name: str, sidecar: Path) -> type[Reference]:
+    """The class of the reference that a sidecar names, installed or beside it.
+
+    Raises
+    ------
+    NoReference
+        There is none, or it cannot be loaded.
+    """
+    if not is_program(name):
+        return find_reference(name)
+    if Path(name).name != name:
+        raise NoReference(f"the program {name} must be in the folder of the sidecar")
+    return find_program(sidecar.parent / name)
+
+
+def is_program(name: str) -> bool:
+    """Whether the ``reference`` of a sidecar names a program beside it."""
+    return name.endswith(PROGRAM_ENDING)
+
+
+def find_program(file: Path) -> type[Reference]:
+    """The reference that a program beside a sidecar defines.
+
+    Raises
+    ------
+    NoReference
+        It is not there, it fails, or it does not define one reference.
+    """
+    if not file.is_file():
+        raise NoReference(f"no such program {file.name}")
+    return run_program(file, sha256(file.read_bytes()).hexdigest()[:16])
+
+
+@lru_cache(REFERENCES_IN_MEMORY)
+def run_program(file: Path, digest: str) -> type[Reference]:
+    """Do what `find_program` does, once for each content of a file."""
+    module = import_program(file, f"proofmass_program_{digest}_{file.stem}")
+    own = [
+        one
+        for one in vars(module).values()
+        if isinstance(one, type)
+        and issubclass(one, Reference)
+        and one.__module__ == module.__name__
+    ]
+    if len(own) != 1:
+        names = ", ".join(one.__name__ for one in own) or "none"
+        raise NoReference(
+            f"{file.name} must define one class of proofmass.analytic.protocol.Reference; it "
+            f"defines {names}"
+        )
+    return checked(own[0])
+
+
+def import_program(file: Path, name: str) -> ModuleType:
+    """Run a Python file as a module of that name, without its folder on the path of imports."""
+    spec = spec_from_file_location(name, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[name] = module  # where pickle finds its classes
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        line = last_line(error, file)
+        raise NoReference(
+            f"{file.name} cannot be loaded{line}: {type(error).__name__}: {error}"
+        ) from error
+    return module
+
+
+def last_line(error: BaseException, file: Path) -> str:
+    """Where in a file an error was raised: ``, line 3``; empty if it was elsewhere."""
+    if isinstance(error, SyntaxError) and error.lineno:
+        return f", line {error.lineno}"
+    lines = [0]
+    trace = error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == str(file):
+            lines.append(trace.tb_lineno)
+        trace = trace.tb_next
+    return f", line {lines[-1]}" if lines[-1] else ""
+
+
+def checked(reference: type[Reference]) -> type[Reference]:
+    """The class of a reference if it is complete.
+
+    Raises
+    ------
+    NoReference
+        It has no method `solve`, or the unit of a parameter is unknown.
+    """
+    if reference.solve is Reference.solve:
+        raise NoReference(f"{reference.__name__} has no method solve")
+    for one in reference.parameters.values():
+        try:
+            si_unit(one.unit or "1")
+        except ValueError as error:
+            raise NoReference(f"{reference.__name__}.{one.name}: {error}") from None
+    return reference
