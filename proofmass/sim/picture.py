@@ -9,6 +9,7 @@ joints and loops if its geoms do not reach these.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
+from math import ceil
 
 import mujoco
 import numpy as np
@@ -413,6 +414,8 @@ def distance_to_outline(point: Array, outline: Array) -> float:
 
 
 MAX_PICTURE_WORK = 5.0  # largest counted processor time [s] for stepping a motion
+STEPS_AT_A_TIME = 100
+"""Steps of a free motion that MuJoCo makes in one call, after which their time is counted."""
 # share of a stride to which a drawing locates the end of a path of equilibria
 DRAWN_STRIDE_SHARE = 1e-3
 
@@ -504,12 +507,14 @@ def common_step(x: Array, longest: float) -> float:
 def step_poses(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
     """Step a free motion of the model from sample to sample."""
     work, spent, data.time = StepWork(model), 0.0, run.x[0]
-    change, half = control_setter(model, data, run), 0.5 * model.opt.timestep
+    change, step = control_setter(model, data, run), model.opt.timestep
     for moment in run.x:
-        while data.time < moment - half and spent < MAX_PICTURE_WORK:
-            change(data.time + half)
-            mujoco.mj_step(model, data)
-            spent += work.step(data) + PYTHON_STEP
+        # steps until the time is nearest to the sample; MuJoCo may reset it in between
+        while (left := ceil((moment - data.time) / step - 0.5)) > 0 and spent < MAX_PICTURE_WORK:
+            change(data.time + 0.5 * step)
+            count = 1 if run.loads else min(left, STEPS_AT_A_TIME)
+            mujoco.mj_step(model, data, count)
+            spent += count * (work.step(data) + PYTHON_STEP)
         if spent >= MAX_PICTURE_WORK or not np.isfinite(data.qpos).all():
             raise Unsupported("the free motion was not followed to its end")
         mujoco.mj_kinematics(model, data)
