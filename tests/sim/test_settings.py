@@ -1,5 +1,7 @@
 """Tests of engine settings: bad ones are refused with their key before anything runs."""
 
+from xml.etree import ElementTree
+
 import mujoco
 import numpy as np
 import pymunk
@@ -8,7 +10,15 @@ import pytest
 from proofmass.batch.check import check
 from proofmass.run.sidecar import load_case
 from proofmass.sim.contents import has_dry_friction, may_touch
-from proofmass.sim.mujoco.settings import MujocoSettings, configure, stepping_settings
+from proofmass.sim.mujoco.settings import (
+    MujocoSettings,
+    configure,
+    limited_joints,
+    mjcf_text,
+    read_options,
+    stepping_settings,
+    write_options,
+)
 from proofmass.sim.protocol.failures import BadSetting
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.pymunk.engine import check_settings as pymunk_settings
@@ -58,6 +68,24 @@ def test_pymunk_checks_its_own_settings():
             pymunk_settings(wrong)
 
 
+@pytest.mark.parametrize(
+    ("allowed", "refused"),
+    [
+        ({"timestep": 1e-9}, {"timestep": 0.0}),
+        ({"error_bias": 1.0}, {"error_bias": 1.001}),
+        ({"error_bias": 0.0}, {"error_bias": -1e-9}),
+        ({"collision_bias": 1.0}, {"collision_bias": 1.001}),
+        ({"collision_bias": 0.0}, {"collision_bias": -1e-9}),
+        ({"collision_slop": 0.0}, {"collision_slop": -1e-9}),
+        ({"iterations": 2**31 // 10 - 1}, {"iterations": 2**31 // 10}),
+    ],
+)
+def test_the_edges_of_the_ranges_of_pymunks_settings(allowed, refused):
+    pymunk_settings(allowed)
+    with pytest.raises(BadSetting, match=next(iter(refused))):
+        pymunk_settings(refused)
+
+
 def pymunk_run(**settings: object) -> Run:
     """A run whose only content are settings."""
     return Run("dynamics", np.array([0.0, 1.0]), (), settings=settings)
@@ -93,6 +121,9 @@ def test_settings_of_pymunk_that_are_not_given_are_those_of_the_documentation(to
     given = {"timestep": 1e-4, "iterations": 7, "error_bias": 0.5, "collision_slop": 0.2}
     found = settings_of_run(pymunk_run(**given, defaults=True), compiled_scene(), touching)
     assert {key: found[key] for key in given} == given
+    slow = compiled_scene()
+    slow.opt.timestep = 3e-3
+    assert settings_of_run(pymunk_run(defaults=True), slow, touching)["timestep"] == 3e-3
 
 
 @pytest.mark.parametrize(
@@ -103,6 +134,8 @@ def test_settings_of_pymunk_that_are_not_given_are_those_of_the_documentation(to
         ({"solref": (-1.0, 0.0)}, {"solref": (-1.0, 1e-9)}),
         ({"solref": (0.0, 0.0)}, {"solref": [-1.0]}),
         ({"solimp": [1.0]}, {"solimp": [1.001]}),
+        ({"solimp": (0.9, 1.0)}, {"solimp": (0.9, 1.001)}),
+        ({"solimp": (0.9, 0.9, 0.0)}, {"solimp": (0.9, 0.9, -1e-9)}),
         ({"solimp": (0.0, 1.0, 0.0, 0.0, 1.0)}, {"solimp": (0.0, 1.0, 0.0, 0.0, 0.999)}),
         ({"solimp": (0.9, 0.9, 9e9, 1.0, 9e9)}, {"solimp": (0.9, 0.9, 0.1, 1.001, 2.0)}),
         ({"solimp": (0.9, 0.0)}, {"solimp": (0.9, -0.001)}),
@@ -119,6 +152,88 @@ def test_the_edges_of_the_ranges_of_settings(allowed, refused):
 def test_settings_may_be_written_as_in_mjcf():
     assert MujocoSettings.read({"solref": "0.002 1"}).solref == (0.002, 1.0)
     MujocoSettings.read({"solref": [-1000, -10], "solimp": "0.9 0.95", "integrator": "RK4"})
+
+
+def test_default_settings_of_mujoco_are_those_of_an_empty_model():
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body name='a'><freejoint/><geom size='1'/></body></worldbody>"
+        "<equality><weld body1='a'/></equality></mujoco>"
+    )
+    fields = MujocoSettings.model_fields
+    own = read_options(model, always=fields)
+    assert len(own) == 10
+    for key, value in own.items():
+        default = fields[key].default
+        same = (
+            mjcf_text(value) == mjcf_text(default) if isinstance(default, str) else value == default
+        )
+        assert same, key
+    assert fields["solref"].default == tuple(model.eq_solref[0])
+    assert fields["solimp"].default == tuple(model.eq_solimp[0])
+    # those that are quiet are neither reported nor written
+    quiet = {"cone", "impratio", "noslip_iterations", "refsafe", "warmstart"}
+    assert own.keys() - read_options(model).keys() == quiet
+    assert read_options(model, always=["cone"]).keys() & quiet == {"cone"}
+
+
+LIMITED = """<mujoco><option timestep="1e-3" integrator="RK4" iterations="7"/><worldbody>
+<body name="a"><joint name="free" axis="0 1 0"/><geom size=".1"/>
+<body name="b"><joint name="ends" axis="0 1 0" range="-1 1" limited="true"
+  solreflimit=".03 .2" solimplimit=".8 .9 .01 .4 3"/><geom size=".1"/>
+<body name="c"><joint name="stiff" axis="0 1 0" range="-1 1" limited="true"
+  solreflimit="-100 -1"/><geom size=".1"/></body></body></body></worldbody>
+<equality><connect body1="c" anchor="0 0 0" solref=".005 1" solimp=".99 .99"/>
+<connect body1="b" anchor="0 0 0" solref=".005 1" solimp=".99 .99"/></equality></mujoco>"""
+
+
+def test_softness_applies_to_loops_and_to_limits_which_keep_their_damping_ratio():
+    model = mujoco.MjModel.from_xml_string(LIMITED)
+    assert limited_joints(model).tolist() == [1]
+    configure(model, {"solref": (0.01, 0.7), "solimp": (0.95, 0.97)})
+    assert model.eq_solref.tolist() == [[0.01, 0.7]] * 2
+    assert model.eq_solimp[:, :3].tolist() == [[0.95, 0.97, 0.001]] * 2
+    assert model.jnt_solref.tolist() == [[0.02, 1.0], [0.01, 0.2], [-100.0, -1.0]]
+    assert model.jnt_solimp[1].tolist() == [0.95, 0.97, 0.01, 0.4, 3.0]
+    assert model.jnt_solimp[[0, 2], 0].tolist() == [0.9, 0.9]
+    configure(model, {"solref": (-500.0, -5.0)})
+    assert model.eq_solref.tolist() == [[-500.0, -5.0]] * 2
+    assert model.jnt_solref[1].tolist() == [0.01, 0.2]
+    model.jnt_solref[1] = 0.0
+    assert limited_joints(model).tolist() == []
+
+
+def test_defaults_are_restored_before_other_settings():
+    model = mujoco.MjModel.from_xml_string(LIMITED)
+    configure(model, {"defaults": True, "timestep": 5e-3})
+    assert (model.opt.timestep, model.opt.iterations) == (5e-3, 7)
+    assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+    assert model.eq_solref.tolist() == [[0.02, 1.0]] * 2
+    assert model.eq_solimp.tolist() == [[0.9, 0.95, 0.001, 0.5, 2.0]] * 2
+    model = mujoco.MjModel.from_xml_string(LIMITED)
+    configure(model, {"defaults": True})
+    assert model.opt.timestep == 2e-3
+    model = mujoco.MjModel.from_xml_string(LIMITED)
+    configure(model, {"defaults": False})
+    assert (model.opt.timestep, model.eq_solref[0, 0]) == (1e-3, 0.005)
+
+
+def test_the_softness_of_active_loops_is_stated_if_it_is_one():
+    model = mujoco.MjModel.from_xml_string(LIMITED)
+    found = stepping_settings(model)
+    assert (found["solref"], found["solimp"][:2]) == ((0.005, 1.0), (0.99, 0.99))
+    model.eq_solref[1, 0] = 0.006
+    assert stepping_settings(model)["solref"] == "several"
+    model.eq_active0[1] = 0
+    assert stepping_settings(model)["solref"] == (0.005, 1.0)
+    model.eq_active0[:] = 0
+    assert not stepping_settings(model).keys() & {"solref", "solimp"}
+
+
+def test_options_are_written_into_the_last_section():
+    root = ElementTree.fromstring("<mujoco><option timestep='1'/><option timestep='2'/></mujoco>")
+    write_options(root, {"timestep": 0.5, "refsafe": False, "solref": (0.1, 1.0)})
+    assert [one.get("timestep") for one in root] == ["1", "0.5"]
+    assert [one.get("refsafe") for one in root.iterfind("option/flag")] == ["disable"]
 
 
 FALLING_BODY = """<mujoco><compiler angle="radian"/><option timestep="2e-3"{option}>{flag}</option>
