@@ -58,6 +58,9 @@ to the system when they are freed.  Otherwise it keeps MuJoCo's arenas of 14 MB 
 fragments: after ten minutes of runs a worker that used 0.4 GB held 6.5 GB, which `limit_memory`
 counts."""
 
+DEFAULT_ENVIRONMENT = NO_RENDERER | RETURN_FREED_MEMORY
+"""What the caller's environment overrides; `SINGLE_THREAD` overrides that."""
+
 IDLE_SHARE = 0.01
 """Share of a processor below which a call is idle.  A call that computes has less only where 100
 processes share a processor."""
@@ -112,7 +115,7 @@ class Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self.errors,
-            env={**NO_RENDERER, **RETURN_FREED_MEMORY, **os.environ, **SINGLE_THREAD},
+            env=DEFAULT_ENVIRONMENT | dict(os.environ) | SINGLE_THREAD,
         )
 
     def call(self, function: Callable, args: tuple, timeout: float, memory: float) -> Any:

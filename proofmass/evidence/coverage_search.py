@@ -406,23 +406,27 @@ class Search:
             if trial.ratio > 1 and (least is None or abs(change) < abs(least[0])):
                 least = change, trial
             if trial.failed:
+                # A failed run has no rates to go on from; one with a far smaller change may have.
                 change, failed = FAILED_CHANGE_FACTOR * change, failed + 1
                 if failed == MAX_FAILED_CHANGES:
                     break
                 continue
             limit = trial.limits[run.solver][0]
             if trial.ratio > 1 and 1 / ACCEPTED_RATIO <= limit.factor <= 1:
+                # By the rate of this run the change that is just noticed is hardly smaller.
                 return self.try_other_solver(run, number, change, trial) or noticed_finding(
                     number, limit.factor * change, run, limit.channel
                 )
             estimate = self.estimate_change(run, number, change, trial)
             if not estimate or (least is None and abs(estimate) > number.step):
                 break  # the rate was only rounding
+            # twice the estimate: a change that should be noticed, and so bounds the search
             following = math.copysign(min(2 * abs(estimate), number.step), estimate)
             if trial.ratio <= 1:
                 largest_unnoticed = max(largest_unnoticed, abs(change))
             if least and largest_unnoticed:
-                # the rates are wrong, since the error is quadratic, for example
+                # The change is between two bounds, but the rates missed it, since the error is
+                # quadratic, for example: the mean of the bounds' logarithms halves the search.
                 following = math.copysign(math.sqrt(largest_unnoticed * abs(least[0])), least[0])
             change = following
         if least is None:

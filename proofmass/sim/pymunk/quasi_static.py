@@ -498,7 +498,7 @@ class SweepState:
         share = ratio_of_ways(
             subtract_values(target.tolist(), here), subtract_values(here, self.past_rests[-1][0])
         )
-        if not 0 < share <= MAX_EXTRAPOLATED_WAYS:
+        if not 0 < share <= MAX_EXTRAPOLATED_WAYS:  # the drives turn, or go much further
             return
         move = share * (self.pose - self.past_rests[-1][1])
         places, poses = rests_on_way(self.past_rests, here)
@@ -728,6 +728,8 @@ class FrictionSweepState(SweepState):
         NotSolved
             A joint slips in the step.
         """
+        # The drives that fix stuck joints may have any force. In this step the motors alone, whose
+        # force is limited by the friction, have to keep the joints at rest.
         for drive in self.drives[self.drive_count :]:
             drive.max_force = 0.0
         for motor in self.sticking_motors:
@@ -772,6 +774,7 @@ class FrictionSweepState(SweepState):
         self.way, own, pose = way, self.own, self.pose
         rows = jacobian(lambda p: constraint_values(own, p), pose)
         free = free_directions(own, rows)
+        # the least move of the bodies with which the drives go along their way
         wanted = np.append(np.zeros(len(rows) - way.size), way)
         lead = np.pad(least_move(own, rows, wanted).reshape(1, -1, 3), ((0, 0), (0, 1), (0, 0)))
         moves = np.concatenate([free, lead])
@@ -804,19 +807,25 @@ class FrictionSweepState(SweepState):
 
     def enter(self, senses: Array) -> None:
         """Set which joints stick and in which senses the others slip, and come to rest."""
+        # No pose is extrapolated from past rests: there other joints were stuck.
         self.senses, self.past_rests, self.is_at_start = senses, (), False
         self.slipped |= senses != 0
         self.space.remove(*self.drives[self.drive_count :])
         joints = list(self.own.joints)
         for j, motor, sense in zip(self.loose, self.motors, senses.tolist(), strict=True):
             joint = joints[j]
+            # The motor gives the engine the friction of a joint that slips, a constant moment. As a
+            # load of the links it is also in the energy by which `settle` moves toward the rest.
             joints[j] = replace(joint, load=joint.load - sense * joint.friction)
             motor.slip(sense, float(joint_value(joint, self.pose)))
+        # A joint that cannot move while the others stick is not fixed as well: the forces of
+        # constraints that depend on each other are not determined.
         stuck = [self.loose[k] for k in self.independent(np.flatnonzero(senses == 0))]
         self.links = replace(self.own, joints=tuple(joints), driven=(*self.own.driven, *stuck))
         holds = [make_drive(joints[j], self.own, self.space) for j in stuck]
         self.space.add(*holds)
         self.drives = [*self.real, *holds]
+        # joints stick where they are, so that entering moves no joint but those that begin to slip
         self.fixed = values_of(tuple(joints[j] for j in stuck), self.pose)
         self.settle(np.append(self.at(), self.fixed))
 

@@ -153,6 +153,7 @@ class SettingFamily:
         is tried.
         """
         last = rows[-1]
+        # An error so large is that of another motion, and how it falls tells no order.
         if not row_error(last, error_kind) < OTHER_MOTION_ERROR:
             return None if is_stuck(rows, error_kind) else last.value / TRIAL_STEP_RATIO
         if len(rows) < 2 or not row_error(rows[-2], error_kind) < OTHER_MOTION_ERROR:
@@ -163,6 +164,7 @@ class SettingFamily:
                 len(rows) > 2 and order_between(rows[-3], last, error_kind) < MIN_FALLING_ORDER
             )
             return None if is_flat else last.value / 2.0
+        # The error goes with step ** order. The aim is below what is needed, as orders are inexact.
         wanted = last.value * (AIMED_ERROR_SHARE * needed / row_error(last, error_kind)) ** (
             1 / falls
         )
