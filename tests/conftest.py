@@ -207,7 +207,7 @@ def browser() -> Iterator[Any]:
         yield found
 
 
-FIRST_FILES = ("tests/test_coverage.py", "tests/report/test_browser.py")
+FIRST_FILES = ("tests/evidence/test_coverage.py", "tests/report/test_browser.py")
 
 collect_ignore = ["data"]
 """Folders that are not collected: the sidecars in `data` are input of tests, not cases to check."""

@@ -16,10 +16,8 @@ SPATIAL = "models/spatial"
 BALANCERS = "models/balancers"
 RODS = "models/rods"
 FOUR_SEGMENTS_PYMUNK = f"{BALANCERS}/balancer4_sam_prescribed.toml::pymunk"
-WRONG_NUMBER_TESTS = "tests/test_mutations.py::test_a_wrong"
-LENGTH_TEST = (
-    "tests/test_mutations.py::test_a_length_wrong_by_three_times_its_detectable_change_differs"
-)
+WRONG_NUMBER_TESTS = "tests/verdict/test_mutations.py::test_a_wrong"
+LENGTH_TEST = "tests/verdict/test_mutations.py::test_a_length_wrong_by_three_times_its_detectable_change_differs"
 EXTENSION_TEST = (
     "tests/analytic/balancer/test_balancer_extension.py"
     "::test_engines_agree_and_a_wrong_extension_differs"
@@ -28,7 +26,7 @@ HOLDING_MOMENT_TEST = (
     "tests/sim/pymunk/test_pymunk_statics.py::test_balancers_have_the_moments_of_their_equilibria"
 )
 SNAP_TEST = "tests/sim/test_rod_snap_engines.py::test_engines_snap_where_their_chain_does"
-VALID_CASES_TEST = "tests/test_names_and_units.py::test_shipped_cases_are_valid"
+VALID_CASES_TEST = "tests/run/test_names_and_units.py::test_shipped_cases_are_valid"
 LATER_SNAP = "tests/sim/test_motion.py::test_an_engine_that_snaps_later_is_drawn_on_its_own_side"
 BENCHMARK_TEST = "tests/test_benchmarks.py::test_benchmark_runs_quickly_and_writes_no_documents"
 PIN_START_TEST = (
@@ -66,10 +64,10 @@ FASTER_TESTS = {
     f"{PLANAR}/change_point.toml::pymunk": f"{PLANAR}/fourbar.toml::pymunk",
     # the counterparts require that no other channel of the case differs
     f"{PLANAR}/hacksaw_cutting.toml::pymunk": (
-        "tests/test_mutations.py::test_a_wrong_load_on_the_slider_changes_the_holding_moment_alone[hacksaw_cutting"
+        "tests/verdict/test_mutations.py::test_a_wrong_load_on_the_slider_changes_the_holding_moment_alone[hacksaw_cutting"
     ),
     f"{PLANAR}/inverted_slider_crank_forces.toml::pymunk": (
-        "tests/test_mutations.py::test_a_wrong_mass_changes_the_channels_that_depend_on_it_alone[inverted_slider_crank_forces"
+        "tests/verdict/test_mutations.py::test_a_wrong_mass_changes_the_channels_that_depend_on_it_alone[inverted_slider_crank_forces"
     ),
     f"{PLANAR}/inverted_slider_crank_classic.toml::pymunk": (
         f"{PLANAR}/inverted_slider_crank.toml::pymunk"
@@ -219,8 +217,8 @@ FASTER_TESTS = {
         "tests/sim/test_friction.py::test_stick_and_slip_change_in_the_sample_of_the_closed_form"
         "[pymunk"
     ),
-    "tests/test_mutations.py::test_a_wrong_number_changes_the_motion_of_the_parallelograms[pos": (
-        "tests/test_mutations.py::test_a_wrong_number_changes_the_motion_of_the_parallelograms[qpos"
+    "tests/verdict/test_mutations.py::test_a_wrong_number_changes_the_motion_of_the_parallelograms[pos": (
+        "tests/verdict/test_mutations.py::test_a_wrong_number_changes_the_motion_of_the_parallelograms[qpos"
     ),
     f"{LENGTH_TEST}[shaft_pendulum-length-pymunk": (
         "tests/sim/test_friction.py::test_every_friction_that_is_0_1_percent_larger_differs"
@@ -240,23 +238,23 @@ FASTER_TESTS = {
         "[balancer_prototype-0-mujoco"
     ),
     # files and output of commands, from whole runs
-    "tests/test_worker.py::test_a_deeply_nested_sidecar_does_not_affect_other_cases[tables": (
-        "tests/test_worker.py::test_a_deeply_nested_sidecar_does_not_affect_other_cases[arrays"
+    "tests/base/test_worker.py::test_a_deeply_nested_sidecar_does_not_affect_other_cases[tables": (
+        "tests/base/test_worker.py::test_a_deeply_nested_sidecar_does_not_affect_other_cases[arrays"
     ),
-    "tests/test_worker.py::test_a_reference_that_takes_too_long_does_not_affect_other_cases": (
-        "tests/test_worker.py::test_a_model_that_is_too_large_does_not_affect_other_cases"
+    "tests/base/test_worker.py::test_a_reference_that_takes_too_long_does_not_affect_other_cases": (
+        "tests/base/test_worker.py::test_a_model_that_is_too_large_does_not_affect_other_cases"
     ),
-    "tests/test_same_digits.py::test_check_gives_the_same_digits_with_any_number_of_threads_and_jobs": (
-        "tests/test_same_digits.py::test_workers_solve_equations_to_the_same_bits"
+    "tests/run/test_same_digits.py::test_check_gives_the_same_digits_with_any_number_of_threads_and_jobs": (
+        "tests/run/test_same_digits.py::test_workers_solve_equations_to_the_same_bits"
     ),
-    "tests/test_diagnosis.py::test_a_number_of_the_model_is_named_where_the_reference_has_none": (
-        "tests/test_diagnosis.py::test_a_longer_rocker_whose_centre_of_mass_stays_is_named"
+    "tests/evidence/test_diagnosis.py::test_a_number_of_the_model_is_named_where_the_reference_has_none": (
+        "tests/evidence/test_diagnosis.py::test_a_longer_rocker_whose_centre_of_mass_stays_is_named"
     ),
-    "tests/test_diagnosis.py::test_a_failed_pytest_item_states_the_cause": (
-        "tests/test_command_line.py::test_an_item_fails_where_check_would_and_says_why"
+    "tests/evidence/test_diagnosis.py::test_a_failed_pytest_item_states_the_cause": (
+        "tests/commands/test_command_line.py::test_an_item_fails_where_check_would_and_says_why"
     ),
-    "tests/test_diagnosis.py::test_a_wrong_number_is_named_as_one_of_the_model[balancer_sine": (
-        "tests/test_diagnosis.py::test_a_wrong_number_is_named_as_one_of_the_model[slider_crank"
+    "tests/evidence/test_diagnosis.py::test_a_wrong_number_is_named_as_one_of_the_model[balancer_sine": (
+        "tests/evidence/test_diagnosis.py::test_a_wrong_number_is_named_as_one_of_the_model[slider_crank"
     ),
     "tests/teaching/test_notebooks.py::test_a_notebook_runs[hacksaw": (
         "tests/teaching/test_notebooks.py::test_a_notebook_runs[fourbar"
@@ -360,8 +358,8 @@ FASTER_TESTS = {
     "tests/studies/trade/test_disturbed.py::test_a_disturbance_grows_by_the_equations_of_motion": (
         "tests/studies/trade/test_disturbed.py::test_a_chaotic_motion_has_a_rate_and_a_horizon"
     ),
-    "tests/test_new_from_model.py::test_a_model_with_sensors_is_not_copied": (
-        "tests/test_new_from_model.py::test_a_proposed_drive_stays_clear_of_its_limit_position"
+    "tests/commands/test_new_from_model.py::test_a_model_with_sensors_is_not_copied": (
+        "tests/commands/test_new_from_model.py::test_a_proposed_drive_stays_clear_of_its_limit_position"
     ),
     f"{BENCHMARK_TEST}[limits": (
         "tests/studies/stress/test_stress_limits.py::test_a_limit_that_is_5_percent_off_is_found"
@@ -373,8 +371,8 @@ FASTER_TESTS = {
     "tests/studies/trade/test_trade.py::test_an_order_that_is_limited_by_the_reference_has_a_remark": (
         "tests/studies/trade/test_trade_floor.py::test_a_wrong_reference_is_found_as_the_cause"
     ),
-    "tests/test_coverage.py::test_the_fourbar_leaves_the_inertia_of_its_steady_crank": (
-        "tests/test_coverage.py::test_a_steady_drive_is_a_reason_for_the_inertia_of_its_crank_only"
+    "tests/evidence/test_coverage.py::test_the_fourbar_leaves_the_inertia_of_its_steady_crank": (
+        "tests/evidence/test_coverage.py::test_a_steady_drive_is_a_reason_for_the_inertia_of_its_crank_only"
     ),
     "tests/test_examples_chosen.py::test_a_program_written_here_is_as_accurate_as_it_says[double_pendulum": (
         "tests/test_examples_chosen.py::test_a_program_is_as_accurate_as_it_says[pendulum_mujoco"
@@ -425,9 +423,9 @@ FASTER_TESTS = {
     f"{LENGTH_TEST}[balancer_sine_free_preload-pendulum-mujoco": (
         f"{LENGTH_TEST}[balancer4_sam_prescribed-pendulum-mujoco"
     ),
-    "tests/test_detectable.py::test_statements_on_parameters_hold_for_changed_parameters"
+    "tests/verdict/test_detectable.py::test_statements_on_parameters_hold_for_changed_parameters"
     "[balancer_progressive_locked": (
-        "tests/test_detectable.py::test_statements_on_parameters_hold_for_changed_parameters"
+        "tests/verdict/test_detectable.py::test_statements_on_parameters_hold_for_changed_parameters"
         "[rod_cantilever"
     ),
     f"{RODS}/rod_taut.toml::mujoco": (
@@ -450,7 +448,7 @@ FASTER_TESTS = {
     ),
 }
 DEFAULT_PARAMETERS = {
-    "tests/test_nothing_moved.py": {
+    "tests/verdict/test_nothing_moved.py": {
         "test_a_model_at_rest_is_never_green": ["hangs-alone", "balanced beam-planar", "motor"],
         "test_no_sidecar_is_proposed_that_is_green_on_a_model_at_rest": ["a balanced beam"],
         "test_a_sweep_in_which_nothing_but_the_drive_moves_is_not_green": ["80"],
@@ -647,7 +645,7 @@ DEFAULT_PARAMETERS = {
             "arm_servos",
         ],
     },
-    "tests/test_diagnosis.py": {
+    "tests/evidence/test_diagnosis.py": {
         "test_the_planted_fault_is_the_first_cause": [
             "parameter",
             "fourbar-factor-holding_moment",
@@ -656,7 +654,7 @@ DEFAULT_PARAMETERS = {
             "quantity",
         ],
     },
-    "tests/test_compare.py": {
+    "tests/verdict/test_compare.py": {
         "test_a_wrong_gear_ratio_is_found_by_a_constant_rate": ["-0.001"],
     },
     "tests/sim/test_limits.py": {
@@ -745,7 +743,7 @@ DEFAULT_PARAMETERS = {
             "slider_crank_friction-1-pymunk",
         ],
     },
-    "tests/test_mutations.py": {
+    "tests/verdict/test_mutations.py": {
         "test_a_wrong_inertia_changes_the_moment_of_a_drive": ["mujoco", "fourbar-1.30"],
         "test_a_wrong_mass_changes_the_channels_that_depend_on_it_alone": [
             "mujoco",

@@ -14,8 +14,8 @@ from proofmass.batch.check import Result, check
 from proofmass.commands import cli
 from proofmass.report.pages import ReportWriter
 from proofmass.report.record import RECORD_NAME, record_start
+from tests.commands.test_output import invoke_command
 from tests.shipped import shipped
-from tests.test_output import invoke_command
 
 COUNT = 4
 PENDULUM = shipped("pendulum.toml")

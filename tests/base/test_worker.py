@@ -110,7 +110,11 @@ def test_a_worker_returns_freed_blocks_to_the_system():
     """
     assert call_isolated(leave_holes, timeout=20) < 20 << 10
     heap = subprocess.run(
-        [sys.executable, "-c", "from tests.test_worker import leave_holes; print(leave_holes())"],
+        [
+            sys.executable,
+            "-c",
+            "from tests.base.test_worker import leave_holes; print(leave_holes())",
+        ],
         capture_output=True,
         text=True,
         check=True,

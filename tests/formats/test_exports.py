@@ -123,7 +123,7 @@ REQUIRED_KEYS = {  # keys that SARIF 2.1.0 requires, sections 3.13 to 3.28
 RESULT_LEVELS = {"none", "note", "warning", "error"}
 
 
-SARIF_SCHEMA = json.loads((Path(__file__).parent / "data" / "sarif-2.1.0.json").read_text())
+SARIF_SCHEMA = json.loads((Path(__file__).parents[1] / "data" / "sarif-2.1.0.json").read_text())
 """The schema of the standard; its first key says where it comes from."""
 
 

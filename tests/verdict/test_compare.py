@@ -392,7 +392,7 @@ def test_a_busy_worker_without_its_parent_ends_after_its_time_limit(tmp_path):
             sys.executable,
             "-c",
             "from proofmass.base.worker import call_isolated;"
-            f"from tests.test_compare import write_id_and_compute; {call}",
+            f"from tests.verdict.test_compare import write_id_and_compute; {call}",
         ]
     )
     while not (file.exists() and file.read_text().strip()) and asking.poll() is None:

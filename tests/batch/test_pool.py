@@ -29,7 +29,7 @@ from proofmass.commands.cli import app
 pytestmark = pytest.mark.skipif(  # not imported here, since its import takes as long as all others
     find_spec("distributed") is None, reason="distributed is not installed"
 )
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ import pytest
 
 from tests.shipped import shipped
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 THREAD_VARIABLES = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"
 SOLVE_PROGRAM = """
 import numpy as np

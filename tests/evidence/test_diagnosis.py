@@ -323,7 +323,7 @@ def test_open_loops_are_a_finding_of_their_own(longer_rocker):
     assert any("are open by 0.025 m in the start pose" in words for words in found.remarks)
 
 
-PENDULUM_IN_LOOP = Path(__file__).parent / "data" / "pendulum_bias"
+PENDULUM_IN_LOOP = Path(__file__).parents[1] / "data" / "pendulum_bias"
 
 
 @pytest.mark.parametrize("variant", ["default", "game"])
