@@ -323,6 +323,7 @@ def resolve_event(
     ]
     if hit:
         rebound_rates = [-stop.restitution * v[stop.rate] for stop in hit]
+        # a rate counts as zero relative to the fastest impact, as bounces become ever lower
         for stop in hit:
             fastest[stop] = max(fastest.get(stop, 0.0), -stop.gap_rate(v))
             found.impacts.append((t, stop.joint))
@@ -334,6 +335,7 @@ def resolve_event(
             rebound_rates = [0.0 if k in too_low else rate for k, rate in enumerate(rebound_rates)]
         v, held = after, remaining
     resting = [s for s in near if abs(s.gap_rate(v)) <= ZERO_RATE_SHARE * fastest.get(s, 1.0)]
+    # a stop cannot pull: the one that pulls most is left, which changes the forces of the others
     while resting:
         force = stop_forces(system, tuple(resting), t, system.state(tuple(resting), t, q, v))
         if force.min() >= 0.0:
@@ -369,7 +371,9 @@ def apply_impacts(
     """
     balance = system.balance(t, q, v, np.zeros_like(v))
     others, mass = balance.rows, balance.mass
-    largest = np.abs(mass).max()
+    largest = np.abs(
+        mass
+    ).max()  # divides the mass, so that its rows are of the order of the others
     while True:
         rows = np.vstack([others, unit_rows([*held, *hit], v.size)])
         zeros = np.zeros((len(rows), len(rows)))

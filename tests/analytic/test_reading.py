@@ -8,11 +8,13 @@ them.
 import re
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
+from proofmass import analytic
 from proofmass.analytic.mjcf import ActuatorTarget, ModelData, read_compiled
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar.forces import (
@@ -208,3 +210,14 @@ def test_every_number_of_the_data_changes_a_term_or_is_refused(where, request):
     assert len(seen) > 50
     exceptions = NOT_IN_PLANAR_TERMS if where == IN_PLANE else NOT_IN_TERMS
     assert {field for field, is_seen in seen.items() if not is_seen} == exceptions.keys()
+
+
+def test_no_other_file_of_the_references_looks_into_a_compiled_model():
+    """`names.py` writes names of elements for engines too."""
+    folder = Path(analytic.__file__).parent
+    looking = {
+        str(file.relative_to(folder))
+        for file in folder.rglob("*.py")
+        if re.search(r"^(?:import|from) mujoco", file.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+    assert {file for file in looking if not file.startswith("mjcf/")} == {"names.py"}

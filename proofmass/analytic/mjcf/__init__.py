@@ -31,10 +31,10 @@ from proofmass.analytic.mjcf.bodies import (
     JointData,
     JointKind,
     carried_bodies,
+    may_touch,
     read_body,
     read_joint,
 )
-from proofmass.analytic.mjcf.contacts import may_touch
 from proofmass.analytic.mjcf.equalities import (
     EqualityData,
     EqualityKind,

@@ -223,7 +223,7 @@ def solve(
     own, stop_forces = dict[str, Array](), np.zeros(1)
     has_dof = not joints or has_free_dof(mechanism, joints)
     is_free = has_dof and (not joints or in_time is not None)
-    if has_dof:
+    if has_dof:  # where the drives determine all poses, contacts change none of them
         refuse_contacts(data)
     refuse(data, SUPPORT, run_kind(joints, has_dof, inertia, in_time is not None), joints)
     if has_dof and not is_free:
@@ -258,7 +258,7 @@ def solve(
     found = own | quantities(plane, mechanism, move_bodies(mechanism, q, v, a), (q, v, a))
     fastest = float(np.abs(v[:, d.driven]).max(initial=0.0))
     friction = mechanism.frictions * motion_senses(v.T, fastest).T
-    if not is_free and not inertia:
+    if not is_free and not inertia:  # the sensors of rates have been read; forces are those at rest
         v = a = np.zeros_like(q)
     if control_profiles and controls is None:
         times = np.asarray(in_time[0] if in_time else value, float)
@@ -381,6 +381,7 @@ def _poses_from_knots(
     """
     (place,) = Drives.of(mechanism, joints).driven
     begin, part = mechanism.start[place], KNOT_SPACING * mechanism.scale[place]
+    # the ends of the knots are rounded outwards, so that a slightly longer motion has the same ones
     low = (np.floor(inputs.min(initial=begin) / part - KNOT_OFFSET) + KNOT_OFFSET) * part
     high = (np.ceil(inputs.max(initial=begin) / part - KNOT_OFFSET) + KNOT_OFFSET) * part
     branch, knots = _find_knots(mechanism, joints, float(low), float(high))
@@ -391,6 +392,7 @@ def _poses_from_knots(
         np.searchsorted(knot_values, x, "left"),
     )
     nearest_knots = knots[k.clip(0, len(knots) - 1)]
+    # one Newton correction from a knot stays on its branch only within the step proven there
     _, moves, proven = branch.beside(inputs, nearest_knots)
     return (
         (branch.close(inputs, nearest_knots), branch.d)

@@ -248,6 +248,7 @@ def solve_forces(
     needed -= applied_forces(m, motion, centre, q, v, ctrl)
     needed[:, d.driven] += motor_forces(m, q, v, ctrl)[:, d.driven]  # its own motor is the drive
     matrix = loop_jacobian(m, motion, q)
+    # the drives' moments are in no equation of the joints that follow, which give the multipliers
     following_rows = matrix[..., d.following].swapaxes(1, 2)
     right = needed[:, d.following, None]
     square = (

@@ -291,6 +291,7 @@ def find_motion(
         times = np.asarray(times, float)
         control_profiles_by_place = ControlsInTime.of(tree.data, tree.ctrl, changing.profiles)
         stops = tuple(stops_of_tree(tree))
+        # profiles have no hash: the cache compares their bytes
         try:
             packed = pickle.dumps((times, tuple(profiles), control_profiles_by_place))
         except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function

@@ -95,6 +95,7 @@ class Reactions:
         needed, rows = required_constraint_forces(tree, state, joints, ctrl)
         driven = np.eye(needed.shape[1])[tree.places(joints)[1]]
         driven = np.broadcast_to(driven, (len(needed), *driven.shape))
+        # drives are constraints of their joints: both are found from the forces that a motion needs
         across = np.concatenate([rows, driven], axis=1).swapaxes(1, 2)
         sizes = np.linalg.svd(across, compute_uv=False)
         self.unique = is_determined(tree) and across.shape[2] <= across.shape[1]

@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from proofmass.analytic.linkages import fourbar, pendulum
-from proofmass.analytic.mjcf.contacts import touching_bodies
+from proofmass.analytic.mjcf.bodies import touching_bodies
 from proofmass.analytic.planar import SingularHere, read, solve
 from proofmass.analytic.planar.dynamics import TangentChart, free_motion
 from proofmass.analytic.planar.forces import kinetic_energy, potential_energy
