@@ -186,10 +186,14 @@ def test_functions_that_a_sidecar_can_name_are_documented() -> None:
 
 
 def test_the_engine_on_the_page_has_the_protocol_of_engines() -> None:
-    (script,) = re.findall(r"^```python\n(.*?)^```", page_text("engines"), re.MULTILINE | re.DOTALL)
+    blocks = re.findall(r"^```python\n(.*?)^```", page_text("engines"), re.MULTILINE | re.DOTALL)
+    script, with_part = blocks
     there: dict[str, Any] = {}
     exec(compile(script, "docs/engines.md", "exec"), there)
     assert isinstance(there["ENGINE"], Engine)
+    exec(compile(with_part, "docs/engines.md", "exec"), there)
+    with pytest.raises(ValueError, match=r"my_package\.tuning:MyTuning, cannot be loaded"):
+        _ = there["Mine"]().tuning
     assert there["ENGINE"].settings().timestep == 0.001
     with pytest.raises(BadSetting, match="iterations"):
         there["ENGINE"].check_settings({"iterations": 0.5})

@@ -108,7 +108,7 @@ def ask_rung(folder: Path) -> list[str]:
     """The rung of a model without a sidecar, also where the counted time ends its motion early."""
     model = folder / "arm.xml"
     model.write_text(ARM)
-    early = Rung(engine_of("mujoco").own_motion(model, 1.0, 101, 0.05))
+    early = Rung(engine_of("mujoco").own_equations.solve_motion(model, 1.0, 101, 0.05))
     assert not early.whole_run
     return [*verdicts(check([model], jobs=1)), early.words()]
 

@@ -2,7 +2,8 @@
 
 The tests write the distribution: a short module, and the metadata that pip would install.  `twin`
 is pymunk under another name, `wrong` is the same with 1 % more gravity, `bare` has only what an
-engine must have, `broken` cannot be imported, and `foreign` is no engine.
+engine must have, `lost` has a part that cannot be imported, `broken` cannot be imported itself, and
+`foreign` is no engine.
 """
 
 import os
@@ -34,6 +35,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from proofmass.sim.protocol.engine import Engine
+from proofmass.sim.protocol.part import LoadedPart
 from proofmass.sim.pymunk.engine import Pymunk, PymunkSettings, simulate
 
 
@@ -56,12 +58,17 @@ class Bare(Engine):
         return simulate(model, run)
 
 
-TWIN, WRONG, BARE = Twin(), Wrong(), Bare()
+class Lost(Twin):
+    tuning = LoadedPart("twin_tuning_that_is_not_there:TUNING")
+
+
+TWIN, WRONG, BARE, LOST = Twin(), Wrong(), Bare(), Lost()
 """
 ENTRY_POINTS = """[proofmass.engines]
 twin = twin_engine:TWIN
 wrong = twin_engine:WRONG
 bare = twin_engine:BARE
+lost = twin_engine:LOST
 broken = twin_engine_that_is_not_there:ENGINE
 foreign = twin_engine:Path
 """
@@ -133,7 +140,7 @@ def test_engines_are_listed_without_being_imported(
     load, loaded = entry_point.load, []
     monkeypatch.setattr(entry_point, "load", lambda own: loaded.append(own.name) or load(own))
     engines.engine_of.cache_clear()
-    others = ["bare", "broken", "foreign", "twin", "wrong"]
+    others = ["bare", "broken", "foreign", "lost", "twin", "wrong"]
     assert engine_names() == ["mujoco", "pymunk", "recorded", *others]
     assert engines.own_engines() == ("mujoco", "pymunk", "recorded")  # these keep their colours
     assert not loaded
@@ -208,6 +215,20 @@ def test_trade_varies_the_step_of_an_engine_without_a_description(
     assert verdict.expected != verdict.expected  # NaN: no order follows from theory
     page = (tmp_path / "trade" / "index.html").read_text(encoding="utf-8")
     assert "Bare" in page
+
+
+def test_a_part_that_cannot_be_imported_is_one_line_with_its_place(
+    site: Path, tmp_path: Path
+) -> None:
+    file = write_sidecar(tmp_path, "lost")
+    found = CliRunner().invoke(app, ["trade", str(file), "-o", str(tmp_path / "t"), "--jobs", "1"])
+    assert found.exit_code == 2
+    (line,) = found.output.splitlines()
+    assert line.startswith(
+        "error: Lost: its tuning, twin_tuning_that_is_not_there:TUNING, cannot be loaded: "
+        "ModuleNotFoundError: "
+    )
+    assert check([file], detectable=False, causes=False).exit_code == 0  # which asks for no part
 
 
 @pytest.mark.slow

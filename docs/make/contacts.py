@@ -25,7 +25,7 @@ from proofmass.base.wording import number
 from proofmass.case.case import Case
 from proofmass.run.solve import call_engine, plan_run
 from proofmass.sim.mujoco.contacts import creep_rate
-from proofmass.sim.mujoco.tried_settings import (
+from proofmass.sim.mujoco.theory import (
     CYLINDER_CLEARANCE,
     CYLINDER_RADIUS,
     HALF_HEIGHT,

@@ -115,7 +115,7 @@ def report_in_worker(file: Path) -> Report:
 def report_here(file: Path) -> Report:
     """The verdict of a model, computed in this process."""
     began = time.perf_counter()
-    motion = engine_of("mujoco").own_motion(
+    motion = engine_of("mujoco").own_equations.solve_motion(
         file, OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES, PROCESSOR_SECONDS
     )
     seconds = number(time.perf_counter() - began, 2)

@@ -357,7 +357,7 @@ def check_model_here(model: Path) -> Comparison:
     The comparison has the error of the model's own run; `at` is the time until which the motion is
     known.
     """
-    motion = engine_of(NATIVE_ENGINE).own_motion(
+    motion = engine_of(NATIVE_ENGINE).own_equations.solve_motion(
         model, OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES, PROCESSOR_SECONDS
     )
     own = motion.runs[0]

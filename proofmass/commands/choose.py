@@ -162,9 +162,9 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
             raise typer.Exit(1)
         if output is None:
             comment = "\n".join(fill(line, 92, subsequent_indent="  ") for line in lines)
-            engine = engine_of(solver)
-            print(engine.comment(comment.replace("--", "-")))
-            print(engine.snippet(best.setting.parameters, best.steps, case.model_path))
+            programs = engine_of(solver).programs
+            print(programs.write_comment(comment.replace("--", "-")))
+            print(programs.write_snippet(best.setting.parameters, best.steps, case.model_path))
             return
         text = "\n".join(fill(line, 92) for line in lines)
         docstring = f"{text}\n\nMade by proofmass choose with {format_packages(solver)}."

@@ -42,11 +42,11 @@ Dask = Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://hos
 @contextmanager
 def exit_on_error(kept: str) -> Iterator[None]:
     """Print errors of the input, or after Ctrl-C what is `kept`, as one line, and exit."""
-    from proofmass.sim.protocol.failures import BadModel  # numpy and pydantic are slow to load
+    from proofmass.sim.protocol.failures import BadModel, Unsupported
 
     try:
         yield
-    except (KeyboardInterrupt, InputError, BadModel, ValueError, OSError) as error:
+    except (KeyboardInterrupt, InputError, BadModel, Unsupported, ValueError, OSError) as error:
         if is_interrupt(error):
             error_console.print(f"stopped; {kept}; to go on, give the same command again")
             raise typer.Exit(INTERRUPTED) from None

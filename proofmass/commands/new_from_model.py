@@ -370,7 +370,7 @@ def inspect_in_space(path: Path, model: MjModel, start: str, dof: int, planar: s
     else:
         return replace(look, reference="spatial", why=why)
     try:
-        motion = engine_of(NATIVE_ENGINE).own_motion(
+        motion = engine_of(NATIVE_ENGINE).own_equations.solve_motion(
             path, FREE_MOTION_SECONDS, OWN_MODEL_SAMPLES, PROCESSOR_SECONDS, start
         )
     except (Unsupported, NotSolved) as error:

@@ -712,10 +712,10 @@ def solve_closely_once(
     file: Path, content: tuple[str, ...], start: str, x: bytes, inputs: bytes
 ) -> tuple[dict[str, Array], str]:
     """Do what `solve_closely_with_evidence` does; a cache by times, drives and loads as bytes."""
-    engine, times = engine_of(NATIVE_ENGINE), np.frombuffer(x)
+    equations, times = engine_of(NATIVE_ENGINE).own_equations, np.frombuffer(x)
     drives, loads = pickle.loads(inputs)
     end = float(times[-1])
-    motion = engine.own_motion(file, end, times.size, PROCESSOR_SECONDS, start, drives, loads)
+    motion = equations.solve_motion(file, end, times.size, PROCESSOR_SECONDS, start, drives, loads)
     if failed := why_failed(motion):
         raise NotCovered(f"the model itself fails: {failed}")
     rung = Rung(motion)
@@ -724,7 +724,7 @@ def solve_closely_once(
     names = channel_names(compile_once(file, content, ()), start).values()
     run = Run("dynamics", times, tuple(chain(*names)), drives, start, loads=loads)
     try:
-        return engine.solve_closely(file, run).channels, rung.words()
+        return equations.solve_closely(file, run).channels, rung.words()
     except (Unsupported, NotSolved) as error:
         raise NotCovered(str(error)) from None
 

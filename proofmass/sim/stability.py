@@ -6,7 +6,7 @@ A spring and a damper on one coordinate, I q'' = -k q - c q', have
 
 and a step takes (q, dt q') to A (q, dt q').  It is stable while no eigenvalue of A lies outside the
 unit circle.  With trace t and determinant d that is |d| <= 1 and |t| <= 1 + d (Jury).  The step
-maps are in the folders of the engines, such as in `proofmass.sim.mujoco.tried_settings`.
+maps are in the folders of the engines, such as in `proofmass.sim.mujoco.theory`.
 """
 
 from functools import cache
@@ -33,7 +33,7 @@ def stability_limit(step: StepMap, zeta: float = 0.0) -> float:
     --------
     >>> from proofmass.sim.engines import engine_of
     >>> maps = {one.name: one.step for name in ("mujoco", "pymunk")
-    ...         for one in engine_of(name).schemes}
+    ...         for one in engine_of(name).theory.schemes}
     >>> [round(stability_limit(maps[name]), 4) for name in ("Euler", "RK4", "pymunk", "discrete")]
     [2.0, 2.8284, 2.0, inf]
     >>> bool(np.isclose(stability_limit(maps["Euler"], 0.3), 2 * (0.3 + np.sqrt(1.09)), rtol=1e-7))

@@ -13,7 +13,7 @@ from proofmass.commands.cli import app
 from proofmass.commands.command import find_sidecar
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run, solve, solve_here
-from proofmass.sim.mujoco.engine import translate_fatal_errors
+from proofmass.sim.mujoco.model import translate_fatal_errors
 from proofmass.sim.protocol.failures import BadModel
 
 SIDECAR_FAULTS = {

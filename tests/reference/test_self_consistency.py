@@ -466,7 +466,7 @@ def test_the_check_of_a_model_has_the_cost_and_the_violation_of_its_own_run(monk
     first = cut_run(replace(own.runs[0], gap=2e-3 * TIMES), 51)
     late = replace(first, stopped="its wall time was over", late=True)
     motion = replace(own, runs=(late, *own.runs[1:]))
-    engine = SimpleNamespace(own_motion=lambda *_: motion)
+    engine = SimpleNamespace(own_equations=SimpleNamespace(solve_motion=lambda *_: motion))
     monkeypatch.setattr(sys.modules[check_model_here.__module__], "engine_of", lambda _: engine)
     found = check_model_here(tmp_path / "arm.xml")
     assert (found.case, found.outcome, found.steps) == ("arm", Outcome.SELF_CONSISTENT, 250)

@@ -19,11 +19,11 @@ from proofmass.report import write_report
 from proofmass.run.sidecar import format_sidecar, load_case
 from proofmass.run.solve import plan_run, prescribed_run
 from proofmass.sim.mujoco import dynamics as mujoco_dynamics
-from proofmass.sim.mujoco import program as mujoco_program
+from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
-from proofmass.sim.pymunk import program as pymunk_program
+from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
 from proofmass.sim.smooth import SmoothTerms
 from tests.programs import program_curves
@@ -206,10 +206,10 @@ def test_pymunk_takes_a_control_to_the_second_order(actuator, tmp_path):
 @EITHER_ACTUATOR
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_programs_have_the_changing_controls(engine, actuator, tmp_path):
-    file, simulate, writer = write_pushed_mass(tmp_path, actuator), in_mujoco, mujoco_program
+    file, simulate, writer = write_pushed_mass(tmp_path, actuator), in_mujoco, MUJOCO.programs
     engine_run = polyline_run(1e-2, integrator="RK4")
     if engine == "pymunk":
-        simulate, writer, engine_run = in_pymunk, pymunk_program, polyline_run(1e-2)
+        simulate, writer, engine_run = in_pymunk, PYMUNK.programs, polyline_run(1e-2)
     wanted = simulate(file, engine_run)
     sampled = polyline_profile(tmp_path)
     assert sampled(np.array([0.2, 0.8]))[0] == pytest.approx([2.0, 0.5], abs=1e-14)
@@ -252,7 +252,7 @@ def test_a_pymunk_program_computes_the_holding_moment_under_changing_loads(tmp_p
         "1",
     )
     source = controls_source([sampled, profiles[1]], t)
-    program = pymunk_program.write_program(
+    program = PYMUNK.programs.write_program(
         file,
         replace(engine_run, settings=wanted.settings),
         motion_source([swing], t),
@@ -353,10 +353,10 @@ def test_references_are_exact_across_jumps_of_a_control(actuator, tmp_path):
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_programs_have_piecewise_constant_controls(engine, tmp_path):
-    file, simulate, writer = write_pushed_mass(tmp_path, ON_JOINT), in_mujoco, mujoco_program
+    file, simulate, writer = write_pushed_mass(tmp_path, ON_JOINT), in_mujoco, MUJOCO.programs
     engine_run = piecewise_constant_run(1e-2, integrator="RK4")
     if engine == "pymunk":
-        simulate, writer, engine_run = in_pymunk, pymunk_program, piecewise_constant_run(1e-2)
+        simulate, writer, engine_run = in_pymunk, PYMUNK.programs, piecewise_constant_run(1e-2)
     wanted = simulate(file, engine_run)
     source = controls_source(
         [make_sampled_profile(Path(), PIECEWISE_CONSTANT_TABLE, 0.0, "1")], engine_run.x
@@ -679,9 +679,9 @@ def test_a_pymunk_program_has_the_force_ranges(tmp_path):
     engine_run = replace(engine_run, settings=wanted.settings)
     source = controls_source([polyline_profile(tmp_path)], SAMPLE_TIMES)
     with pytest.raises(Unsupported, match="sensor 'push', which shows a force beyond the"):
-        pymunk_program.write_program(file, engine_run, "", "", controls=source)
+        PYMUNK.programs.write_program(file, engine_run, "", "", controls=source)
     engine_run = replace(engine_run, channels=("x", "rate", "on_x"))
-    text = pymunk_program.write_program(file, engine_run, "", "", controls=source)
+    text = PYMUNK.programs.write_program(file, engine_run, "", "", controls=source)
     assert "np.clip(controls(t)" in text
     found = program_curves(text, tmp_path)
     for name in engine_run.channels:
@@ -699,7 +699,7 @@ def test_a_pymunk_program_clips_the_sensor_of_a_motor_to_its_own_range(gain, end
     assert np.abs(shown - force).max() > 0.5
     assert wanted.channels["push"] == pytest.approx(shown, abs=1e-12)
     engine_run = replace(engine_run, settings=wanted.settings)
-    text = pymunk_program.write_program(
+    text = PYMUNK.programs.write_program(
         file,
         engine_run,
         "",

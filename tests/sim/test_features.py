@@ -113,7 +113,7 @@ def curves_of(party, kind, text):
         file.write_text(text)
         if party == "refined":
             refuse_in_reference(read_compiled(model), OF_REFINED, kind, joints)
-            return engine_of("mujoco").solve_closely(file, run).channels, ()
+            return engine_of("mujoco").own_equations.solve_closely(file, run).channels, ()
         found = engine_of(party).simulate(file, run)
     return found.channels, found.notes
 

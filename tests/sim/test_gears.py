@@ -13,7 +13,6 @@ from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
-from proofmass.sim.pymunk.program import write_program
 from tests.programs import program_curves
 from tests.shipped import shipped
 
@@ -150,7 +149,7 @@ def test_a_pymunk_program_has_the_gear(tmp_path):
     run = Run("dynamics", np.linspace(0, 0.5, 26), names, settings=settings)
     wanted = PYMUNK.simulate(file, run).channels
     truth = solve(run.x, model=mujoco.MjModel.from_xml_path(str(file)))
-    found = program_curves(write_program(file, run, "", ""), tmp_path)
+    found = program_curves(PYMUNK.programs.write_program(file, run, "", ""), tmp_path)
     for name in names:
         assert np.abs(found[name] - wanted[name]).max() < 1e-11 * np.ptp(wanted[name]), name
         assert np.abs(wanted[name] - truth[name]).max() < 1e-3 * np.ptp(truth[name]), name

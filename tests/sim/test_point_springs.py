@@ -16,7 +16,6 @@ from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
-from proofmass.sim.pymunk.program import write_program
 from tests.programs import program_curves
 from tests.shipped import shipped
 
@@ -164,7 +163,7 @@ def test_a_pymunk_program_has_the_springs(springs, driven, tmp_path):
     run = Run("dynamics", np.linspace(0, 0.5, 26), names, drives, settings=settings)
     wanted = PYMUNK.simulate(file, run).channels
     motion = motion_source([profile], run.x) if driven else ""
-    found = program_curves(write_program(file, run, motion, ""), tmp_path)
+    found = program_curves(PYMUNK.programs.write_program(file, run, motion, ""), tmp_path)
     for name in names:  # 1e-9: rounding of rates, which accelerations divide by the step
         share = 1e-9 if name == "moment" else 1e-11
         assert np.abs(found[name] - wanted[name]).max() < share * np.ptp(wanted[name]), name

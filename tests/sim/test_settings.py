@@ -21,7 +21,7 @@ from proofmass.sim.mujoco.settings import (
 )
 from proofmass.sim.protocol.failures import BadSetting
 from proofmass.sim.protocol.run import Run
-from proofmass.sim.pymunk.engine import check_settings as pymunk_settings
+from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.settings import PymunkSettings, settings_of_run
 from proofmass.studies.trade.varied import list_series
 
@@ -57,7 +57,7 @@ def test_a_wrong_setting_is_reported_once_and_nothing_runs(models, wrong):
 
 
 def test_pymunk_checks_its_own_settings():
-    pymunk_settings({"timestep": 1e-3, "iterations": 10, "error_bias": 0.0, "defaults": True})
+    PYMUNK.check_settings({"timestep": 1e-3, "iterations": 10, "error_bias": 0.0, "defaults": True})
     for wrong in (
         {"error_bias": 2.0},
         {"iterations": 0},
@@ -65,7 +65,7 @@ def test_pymunk_checks_its_own_settings():
         {"solref": (0.02, 1.0)},
     ):
         with pytest.raises(BadSetting, match=next(iter(wrong))):
-            pymunk_settings(wrong)
+            PYMUNK.check_settings(wrong)
 
 
 @pytest.mark.parametrize(
@@ -81,9 +81,9 @@ def test_pymunk_checks_its_own_settings():
     ],
 )
 def test_the_edges_of_the_ranges_of_pymunks_settings(allowed, refused):
-    pymunk_settings(allowed)
+    PYMUNK.check_settings(allowed)
     with pytest.raises(BadSetting, match=next(iter(refused))):
-        pymunk_settings(refused)
+        PYMUNK.check_settings(refused)
 
 
 def pymunk_run(**settings: object) -> Run:

@@ -937,7 +937,7 @@ def test_a_stressed_case_varies_a_parameter(tmp_path, monkeypatch):
             1.0,
             2.0,
             trial,
-            [one for one in own.engine.schemes if one.name in ("Euler", "RK4")],
+            [one for one in own.engine.theory.schemes if one.name in ("Euler", "RK4")],
         )
     ] == [
         ("fourbar", "mujoco", words, "step", "s", 1.0, 2.0, f"{{'integrator': '{words}'}} 3.0")

@@ -96,8 +96,8 @@ def describe_stability(case: Case, run: Kind, solver: str, curves: Curves) -> It
     if not (step := time_step_of(run, curves)):
         return
     model = compiled_model(case)
-    engine = engine_of(solver)
-    scheme = engine.scheme_of(cast(ParameterValues, settings_of(case, run, solver)), model)
+    theory = engine_of(solver).theory
+    scheme = theory.scheme_of(cast(ParameterValues, settings_of(case, run, solver)), model)
     fastest = highest_frequency(model, case.start)
     if scheme is None or not fastest:
         return

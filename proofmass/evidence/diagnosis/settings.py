@@ -73,7 +73,7 @@ def setting_changes(residuals: Residuals) -> list[Perturbation]:
         return []
     engine = engine_of(solver)
     own = engine.settings.read(settings_of(case, run, solver)).model_dump(exclude_unset=True)
-    every = engine.perturbations(own, describe_dynamics(case), scaled=False)
+    every = engine.tuning.perturbations(own, describe_dynamics(case), scaled=False)
     return [one for one in every if one.better and one.cause != STEP_CAUSE]
 
 
@@ -85,8 +85,8 @@ def time_step_of(run: Kind, curves: Curves) -> float:
 
 def with_half_step(case: Case, run: Kind, solver: str, step: float) -> Case:
     """The settings of a case with half the time step for a solver."""
-    engine = engine_of(solver)
-    parameters = engine.at_step(cast(ParameterValues, settings_of(case, run, solver)), step / 2)
+    tuning = engine_of(solver).tuning
+    parameters = tuning.at_step(cast(ParameterValues, settings_of(case, run, solver)), step / 2)
     return with_settings(case, solver, {**case.settings.get(solver, {}), **parameters})
 
 

@@ -5,7 +5,8 @@ data of the references (`proofmass.analytic.mjcf`), in which only features are l
 that the references misread makes their curves differ from those of this engine.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import mujoco
@@ -24,7 +25,7 @@ from proofmass.sim.contents import (
     sensor_names,
     sensor_parts,
 )
-from proofmass.sim.mjcf import compile_model, leave_out_disabled
+from proofmass.sim.mjcf import compile_model, leave_out_disabled, refusal
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.mujoco.support import SUPPORT
 from proofmass.sim.plane import find_plane
@@ -244,3 +245,12 @@ class Recorder:
         if S(int(kind)) in (S.mjSENS_FRAMEQUAT, S.mjSENS_BALLQUAT):
             block = unwrap_quaternions(block)
         return block[:, sensor_parts(model, index).index(part)]
+
+
+@contextmanager
+def translate_fatal_errors() -> Iterator[None]:
+    """Raise MuJoCo's own fatal errors as errors of the model."""
+    try:
+        yield
+    except mujoco.FatalError as error:
+        raise refusal(error) from None

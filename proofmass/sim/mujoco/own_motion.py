@@ -22,7 +22,7 @@ step.
 
 import copy
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +34,10 @@ from proofmass.analytic.controls import break_times, smooth_pieces
 from proofmass.base.arrays import Array
 from proofmass.base.clock import processor_time
 from proofmass.sim.contents import control_indices
-from proofmass.sim.mjcf import collected_warnings
+from proofmass.sim.mjcf import collected_warnings, compile_model, warning_notes
 from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, initialize_dynamics, moments_of_drives
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder, load
+from proofmass.sim.mujoco.model import Recorder, load, translate_fatal_errors
 from proofmass.sim.mujoco.sensors import (
     drive_moment_curves,
     drive_sensors,
@@ -49,7 +49,7 @@ from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import NotSolved
-from proofmass.sim.protocol.own_equations import OwnMotion, OwnRun
+from proofmass.sim.protocol.own_equations import OwnEquations, OwnMotion, OwnRun
 from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 from proofmass.sim.start import start_state
 
@@ -238,39 +238,51 @@ class InputsInTime:
             mujoco.mj_step(model, data)
 
 
-def solve_own_motion(
-    path: Path,
-    until: float,
-    samples: int,
-    seconds: float,
-    start: str = "start",
-    drives: tuple[Drive, ...] = (),
-    loads: tuple[ChangingLoad, ...] = (),
-) -> OwnMotion:
-    """Solve the motion of a model by itself in several ways; see the module.
+class MujocoOwnEquations(OwnEquations):
+    """Solutions of the equations of motion of MuJoCo; see the module."""
 
-    Parameters
-    ----------
-    path : Path
-        The MJCF file.
-    until, samples : float, int
-        Duration of the motion [s], and approximate number of samples, which are whole steps apart.
-    seconds : float
-        Approximate processor time for all ways together [s], counted by
-        `proofmass.sim.mujoco.work`.
-    start : str
-        Key from which the motion starts; the first key if there is none of that name.
-    drives, loads : tuple
-        Joints that are driven, and controls that change.
+    def solve_motion(
+        self,
+        path: Path,
+        until: float,
+        samples: int,
+        seconds: float,
+        start: str = "start",
+        drives: tuple[Drive, ...] = (),
+        loads: tuple[ChangingLoad, ...] = (),
+    ) -> OwnMotion:
+        """See `OwnEquations.solve_motion`; `proofmass.sim.mujoco.work` counts the time."""
+        run = Run("passive", np.array([0.0, until]), (), drives, start, loads=loads)
+        with translate_fatal_errors(), collected_warnings() as warned:
+            found = solve_in_several_ways(path, run, samples, seconds)
+        return replace(found, notes=warning_notes(compile_model(path), warned) if warned else ())
 
-    Raises
-    ------
-    BadModel
-        The model does not compile.
+    def solve_closely(self, path: Path, run: Run) -> Curves:
+        """Solve a motion by DOP853 with a tolerance of 1e-9, and read all sensors at all samples.
+
+        Loops are closed at the start as in a run with steps, see `proofmass.sim.mujoco.dynamics`.
+
+        Raises
+        ------
+        BadModel
+            The model does not compile, or lacks a named element.
+        Unsupported
+            A model with drives has an equality other than connect and joint.
+        NotSolved
+            A value is not finite, or the processor time is over.
+        """
+        with translate_fatal_errors():
+            return solve_without_fixed_steps(path, run)
+
+
+def solve_in_several_ways(path: Path, run: Run, samples: int, seconds: float) -> OwnMotion:
+    """Solve a passive run with finer and finer steps, without steps, and with changes.
+
+    The samples are whole steps apart.
     """
-    run = Run("passive", np.array([0.0, until]), (), drives, start, loads=loads)
+    until = float(run.x[-1])
     model, data = load(path, run)
-    linkage = Linkage(model, data, tuple(one.joint for one in drives)) if drives else None
+    linkage = Linkage(model, data, tuple(one.joint for one in run.drives)) if run.drives else None
     inputs = InputsInTime.begin_run(model, run, linkage)
     step, own = float(model.opt.timestep), mujoco.mjtIntegrator(model.opt.integrator)
     count = max(1, round(until / (samples - 1) / step))
@@ -490,20 +502,8 @@ def make_step_independent(model: mujoco.MjModel, inputs: "InputsInTime | None" =
     model.opt.tolerance = 1e-14 / (FLYWHEEL_RATIO if inputs and inputs.dofs.size else 1.0)
 
 
-def solve_closely(path: Path, run: Run) -> Curves:
-    """Solve a motion by DOP853 with a tolerance of 1e-9, and read every sensor at every sample.
-
-    Loops are closed at the start as in a run with steps, see `proofmass.sim.mujoco.dynamics`.
-
-    Raises
-    ------
-    BadModel
-        The model does not compile, or lacks a named element.
-    Unsupported
-        A model with drives has an equality other than connect and joint.
-    NotSolved
-        A value is not finite, or the processor time is over.
-    """
+def solve_without_fixed_steps(path: Path, run: Run) -> Curves:
+    """The curves of `MujocoOwnEquations.solve_closely`."""
     model, data = load(path, run)
     linkage = Linkage(model, data, tuple(one.joint for one in run.drives))
     record = Recorder(model, data, run.channels, run.x.size)

@@ -10,7 +10,7 @@ import re
 import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from textwrap import wrap
+from textwrap import indent, wrap
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -26,6 +26,7 @@ from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, is_acceleration, load
 from proofmass.sim.mujoco.sensors import drive_sensors, withhold_drives
 from proofmass.sim.mujoco.settings import (
+    SETTING_PLACES,
     SOFTNESS_SETTINGS,
     last_section,
     limit_softness,
@@ -34,11 +35,13 @@ from proofmass.sim.mujoco.settings import (
     write_limits,
     write_options,
 )
+from proofmass.sim.mujoco.snippet import insert_snippet, write_snippet
 from proofmass.sim.program_text import escape_text, load_template
 from proofmass.sim.protocol.curves import drive_columns
 from proofmass.sim.protocol.failures import BadModel, Unsupported
-from proofmass.sim.protocol.programs import Imposed
+from proofmass.sim.protocol.programs import Imposed, Programs
 from proofmass.sim.protocol.run import Rod, Run
+from proofmass.sim.protocol.settings import ParameterValues
 from proofmass.sim.rods import chain, compile_with_rods
 
 IMPOSED = (
@@ -85,100 +88,104 @@ ACTUATOR_TAGS = (
 )
 
 
-def write_program(
-    path: Path,
-    run: Run,
-    motion: str,
-    head: str,
-    drive: Imposed = IMPOSED[0],
-    controls: str = "",
-) -> str:
-    """Write a run in time as a program.
+class MujocoPrograms(Programs):
+    """Settings as MJCF, and programs that need only MuJoCo and NumPy."""
 
-    Parameters
-    ----------
-    path : Path
-        The MJCF file.
-    run : Run
-        A dynamics run, with the settings for the program.
-    motion : str
-        Source of ``motion(t)``: values [rad or m], rates and accelerations (drives, n) of the
-        drives at times (n,) [s]; empty for a free motion.
-    head : str
-        Docstring of the program.
-    drive : Imposed, optional
-        How the program moves the driven joints, one of `IMPOSED`.  A servo has kp = I (gain/step)^2
-        and kv = 2 I gain/step, where I is the load inertia of the drive in the start pose.
-    controls : str, optional
-        Source of ``controls(t)``: controls (loads, n) of the loads of the run at times (n,) [s].
+    imposed = IMPOSED
 
-    Returns
-    -------
-    str
-        The program: ``python run.py [FILE]`` writes the curves as CSV.
+    def write_snippet(
+        self, parameters: ParameterValues, steps: int, model: Path | None = None
+    ) -> str:
+        """Settings as MJCF; see `proofmass.sim.mujoco.snippet.write_snippet`."""
+        return write_snippet(parameters, model)
 
-    Raises
-    ------
-    BadModel, Unsupported
-        See `proofmass.sim.mujoco.engine.simulate`.  Also raised if a driven joint, or a site with a
-        rod, is not an element of the file, as with a replicated body.
-    """
-    model, data = load(path, run)
-    ctrl, default_data = data.ctrl.copy(), mujoco.MjData(model)
-    count, step = run.steps(model.opt.timestep)
-    times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
-    linkage = Linkage(model, data, tuple(each.joint for each in run.drives))
-    armature, damping = model.dof_armature[linkage.dofs], model.dof_damping[linkage.dofs]
-    tolerance = model.opt.tolerance
-    initialize_dynamics(linkage, run, times)
-    if drive.kind != "flywheel":
-        model.opt.tolerance = tolerance
-    flywheels = model.dof_armature[linkage.dofs] - armature
-    root = expand_model(path)
-    if run.rods:
-        write_rods(root, path, run.rods)
-    files = embed_files(root)
-    apply_settings(root, model, step)
-    values: dict[str, Any] = {}
-    if run.drives:
-        values = impose_motion(root, linkage, flywheels, step, drive)
-    recorder = Recorder(model, data, run.channels, 1)
-    withhold_drives(model, linkage, recorder)
-    curves = dict(curve_expressions(recorder, linkage))
-    rate = run.motion(times)[1] if run.drives else np.zeros((0, 1))
-    moves = bool(np.ptp(rate, axis=1).any())
-    by_stage = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    return load_template("mujoco.py.jinja").render(
-        head=escape_text(head.strip()),
-        model=escape_text(model_text(root).strip()),
-        files=files,
-        step=repr(step),
-        per=count,
-        samples=run.x.size,
-        first=repr(float(run.x[0])),
-        target=drive_target(drive.kind, moves, by_stage) if run.drives else "",
-        motion=motion.strip() if run.drives else "",
-        joints=json.dumps(list(linkage.joints), ensure_ascii=False),
-        drive=drive.kind if run.drives else "",
-        steady=not moves,
-        middle=by_stage,
-        parts={name.rpartition(".")[2] for name in recorder.sensors},
-        qpos=format_numbers(data.qpos),
-        qvel=format_numbers(data.qvel),
-        ctrl=ctrl.tolist(),
-        controls=controls.strip(),
-        loads=control_indices(model, (one.actuator for one in run.loads)),
-        more={
-            name: format_numbers(getattr(data, name).ravel())
-            for name in EXTRA_STATE
-            if (getattr(data, name) != getattr(default_data, name)).any()
-        },
-        moments=bool(drive_sensors(model, linkage, recorder)),
-        armature=armature.tolist(),
-        damping=damping.tolist(),
-        curves={json.dumps(name, ensure_ascii=False): line for name, line in curves.items()},
-        **values,
-    )
+    def write_comment(self, text: str) -> str:
+        """Text as a comment of MJCF."""
+        return f"<!--\n{indent(text, '  ')}\n-->"
+
+    def insert_snippet(
+        self, model: Path, parameters: ParameterValues, steps: int
+    ) -> tuple[str, set[str]]:
+        """The model with the snippet in it, which states all settings but `settled` and `flex`."""
+        text = insert_snippet(model, write_snippet(parameters, model))
+        return text, {*SETTING_PLACES, "defaults"}
+
+    def write_program(
+        self,
+        path: Path,
+        run: Run,
+        motion: str,
+        head: str,
+        drive: Imposed = IMPOSED[0],
+        controls: str = "",
+    ) -> str:
+        """See `Programs.write_program`.
+
+        A servo has kp = I (gain/step)^2 and kv = 2 I gain/step, where I is the load inertia of the
+        drive in the start pose.
+
+        Raises
+        ------
+        BadModel, Unsupported
+            See `proofmass.sim.mujoco.engine.simulate`.  Also raised if a driven joint, or a site
+            with a rod, is not an element of the file, as with a replicated body.
+        """
+        model, data = load(path, run)
+        ctrl, default_data = data.ctrl.copy(), mujoco.MjData(model)
+        count, step = run.steps(model.opt.timestep)
+        times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
+        linkage = Linkage(model, data, tuple(each.joint for each in run.drives))
+        armature, damping = model.dof_armature[linkage.dofs], model.dof_damping[linkage.dofs]
+        tolerance = model.opt.tolerance
+        initialize_dynamics(linkage, run, times)
+        if drive.kind != "flywheel":
+            model.opt.tolerance = tolerance
+        flywheels = model.dof_armature[linkage.dofs] - armature
+        root = expand_model(path)
+        if run.rods:
+            write_rods(root, path, run.rods)
+        files = embed_files(root)
+        apply_settings(root, model, step)
+        values: dict[str, Any] = {}
+        if run.drives:
+            values = impose_motion(root, linkage, flywheels, step, drive)
+        recorder = Recorder(model, data, run.channels, 1)
+        withhold_drives(model, linkage, recorder)
+        curves = dict(curve_expressions(recorder, linkage))
+        rate = run.motion(times)[1] if run.drives else np.zeros((0, 1))
+        moves = bool(np.ptp(rate, axis=1).any())
+        by_stage = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+        return load_template("mujoco.py.jinja").render(
+            head=escape_text(head.strip()),
+            model=escape_text(model_text(root).strip()),
+            files=files,
+            step=repr(step),
+            per=count,
+            samples=run.x.size,
+            first=repr(float(run.x[0])),
+            target=drive_target(drive.kind, moves, by_stage) if run.drives else "",
+            motion=motion.strip() if run.drives else "",
+            joints=json.dumps(list(linkage.joints), ensure_ascii=False),
+            drive=drive.kind if run.drives else "",
+            steady=not moves,
+            middle=by_stage,
+            parts={name.rpartition(".")[2] for name in recorder.sensors},
+            qpos=format_numbers(data.qpos),
+            qvel=format_numbers(data.qvel),
+            ctrl=ctrl.tolist(),
+            controls=controls.strip(),
+            loads=control_indices(model, (one.actuator for one in run.loads)),
+            more={
+                name: format_numbers(getattr(data, name).ravel())
+                for name in EXTRA_STATE
+                if (getattr(data, name) != getattr(default_data, name)).any()
+            },
+            moments=bool(drive_sensors(model, linkage, recorder)),
+            armature=armature.tolist(),
+            damping=damping.tolist(),
+            curves={json.dumps(name, ensure_ascii=False): line for name, line in curves.items()},
+            **values,
+        )
 
 
 def drive_target(kind: str, moves: bool, by_stage: bool) -> str:

@@ -67,6 +67,7 @@ SETTING_PLACES = {
     "solimp": SettingPlace("equality"),
 }
 """Places of all settings that exist in MJCF, by their names there, which are also used here."""
+STAGES = {"RK4": 4}  # evaluations of forces in a step; 1 for the other integrators
 SOFTNESS_SETTINGS = tuple(key for key, place in SETTING_PLACES.items() if place.tag == "equality")
 CAPITALIZED_WORDS = {name.lower(): name for name in ("Euler", "RK4", "PGS", "CG", "Newton")}
 """Words of MJCF with capital letters, by the words in small letters."""

@@ -1,58 +1,28 @@
-r"""Settings of MuJoCo that `trade` and `choose` try, with the orders and limits of theory.
-
-**Orders.** Let h be the step, tau the time constant (`solref`) of the spring and damper that close
-a loop, 1 - d the share of the open loop's acceleration that the constraint lets through (`solimp`),
-and j the order of the time derivative: 0 of positions, 1 of rates, 2 of accelerations.  Errors are
-proportional to
-
-    integrator, no loop             RK4: h^4; MuJoCo's others are semi-implicit: h.  From rest these
-                                    are a leapfrog that is half a step early, with rates h^2
-    softness of a loop              (1 - d) tau^2; after a jolt (1 - d) tau^(2-j) as well
-    semi-implicit in a loop         with kappa = J' v in q'' = - b q' - k q - kappa, b = 2/tau and
-                                    k = 1/tau^2, it settles with the error h tau kappa, its rate
-                                    with h kappa / 2; accelerations: h, h tau; after a jolt
-                                    h tau^(1-j) as well, which decays as exp(-t / tau)
-    RK4 in a loop                   (h / tau)^4 tau^(2-j), in addition to the softness
-
-A recorded reference is not evaluated at the actual state of the drives, so that a comparison with
-it includes the error of the integrator without a loop.
-
-A jolt is a start under load or in motion, from loops that are neither strained nor moving.
-
-**Stability.** MuJoCo's integrators step a spring and a damper stably within these limits of
-z = dt omega, with the damping ratio zeta::
-
-    Euler, implicit, implicitfast         stable for z up to 2 (zeta + sqrt(1 + zeta^2))
-    the same without implicit damping     2 (sqrt(1 + zeta^2) - zeta)
-    discrete, implicit in the spring too  no limit
-    RK4                                   |1 + w + w^2/2 + w^3/6 + w^4/24| = 1,
-                                          w = z (-zeta + i sqrt(1 - zeta^2))
-
-E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration, 2nd ed., ch. I; E. Hairer,
-G. Wanner, Solving Ordinary Differential Equations II, sec. IV.2, for RK4.
-"""
+"""Settings of MuJoCo that `trade` scans and `choose` tries; their orders are in `theory.py`."""
 
 from collections.abc import Callable, Iterator
-from math import inf
+from pathlib import Path
 from typing import Any
 
-import mujoco
-import numpy as np
-
-from proofmass.base.arrays import Array
 from proofmass.sim.contents import has_dry_friction, may_touch
-from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS, HARD_SOLIMP, limited_joints
-from proofmass.sim.problem_models import start_key, wheel_model
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS, HARD_SOLIMP, STAGES, limited_joints
 from proofmass.sim.protocol.settings import ParameterValue, ParameterValues, first_number
-from proofmass.sim.protocol.theory import LimitProblem, Scheme, StepMap, Stepping
-from proofmass.sim.protocol.tuning import STEP_CAUSE, Perturbation, Recipe, Scan, Studied, scan_over
+from proofmass.sim.protocol.tuning import (
+    STEP_CAUSE,
+    Perturbation,
+    Recipe,
+    Scan,
+    Studied,
+    Tuning,
+    scan_over,
+)
 
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4")
 MAX_IMPEDANCE = 0.9999  # the largest impedance in solimp that MuJoCo accepts
 SOLVER_TOLERANCE = 1e-15
 """Tolerance of the solver that is just above rounding; 0 enforces all iterations allowed."""
 STEPS_OF_SOLREF = 8  # time constant of loops in steps: fewer cost RK4 accuracy, more are softer
-STAGES = {"RK4": 4}  # evaluations of forces in a step; 1 for the other integrators
 SOLREF_CAUSE = "too few steps in solref"
 """Cause of an error that the step alone changes, in a scan whose `solref` goes with the step."""
 SIZES: dict[str, Callable[[ParameterValue], float]] = {
@@ -63,118 +33,186 @@ SIZES: dict[str, Callable[[ParameterValue], float]] = {
 LABELS = {"solref": "time constant, solref [s]", "solimp": "1 − solimp"}
 
 
+class MujocoTuning(Tuning):
+    """Settings of MuJoCo that studies vary."""
+
+    sizes = SIZES
+    labels = LABELS
+
+    def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
+        """Settings with another time step [s], and a `solref` scaled in proportion to it.
+
+        >>> from proofmass.sim.mujoco.engine import ENGINE
+        >>> ENGINE.tuning.at_step({"timestep": 1e-3, "solref": (8e-3, 1.0)}, 5e-4)
+        {'timestep': 0.0005, 'solref': (0.004, 1.0)}
+        """
+        scaled = dict(parameters, timestep=step)
+        if isinstance(solref := parameters.get("solref"), tuple):
+            scaled["solref"] = (
+                first_number(solref) * step / first_number(parameters["timestep"]),
+                *solref[1:],
+            )
+        return scaled
+
+    def scans(self, about: Studied) -> Iterator[Scan]:
+        """Scans over the step by integrator and softness, and over settings of constraints."""
+        model, own = about.model, about.own_step
+        loops = has_soft_constraints(about)
+
+        def over(integrator: str, soft: int | None) -> Scan:
+            parameters = tuple(
+                {
+                    "timestep": h,
+                    "integrator": integrator,
+                    **(hardest_loops(soft * h) if soft else {"defaults": True}),
+                }
+                for h in about.timesteps(STAGES.get(integrator, 1))
+            )
+            held = f", solref {soft} steps" if soft else ", default softness"
+            return Scan(f"MuJoCo {integrator}{held * loops}", "timestep", parameters)
+
+        yield from (over(integrator, None) for integrator in INTEGRATORS)
+        prefix = f"MuJoCo RK4 at {1e3 * own:g} ms"
+        plain: dict[str, ParameterValue] = {"timestep": own, "integrator": "RK4"}
+        if may_touch(model):
+            for cone in ("pyramidal", "elliptic"):
+                yield scan_over(
+                    {**plain, "cone": cone},
+                    f"{prefix}, {cone} cone, impratio",
+                    "impratio",
+                    (1.0, 10.0, 100.0),
+                )
+        if may_touch(model) or has_dry_friction(model):
+            yield scan_over(
+                plain, f"{prefix}, noslip_iterations", "noslip_iterations", (1, 3, 10, 30)
+            )
+        if not loops:
+            return
+        yield from (over(integrator, STEPS_OF_SOLREF) for integrator in INTEGRATORS)
+        yield from (over("Euler", 2), over("RK4", 4))
+        base = {**plain, **hardest_loops(STEPS_OF_SOLREF * own)}
+        yield scan_over(
+            base, f"{prefix}, solref", "solref", [(m * own, 1.0) for m in (64, 32, 16, 8, 4, 2)]
+        )
+        yield scan_over(
+            {**base, "refsafe": False},
+            f"{prefix}, refsafe off, solref",
+            "solref",
+            [(m * own, 1.0) for m in (1.5, 1.0, 0.75)],
+        )  # with refsafe, all of these would be raised to 2 steps
+        yield scan_over(
+            base, f"{prefix}, solimp", "solimp", [(d, d, 0.001) for d in (0.9, 0.99, 0.999, 0.9999)]
+        )
+        step = about.quartered_step(STAGES["RK4"])
+        prefix = f"MuJoCo RK4 at {1e3 * step:.3g} ms"
+        base = {**plain, "timestep": step, **hardest_loops(STEPS_OF_SOLREF * step)}
+        for solver, counts in (
+            ("Newton", (1, 2, 4)),
+            ("CG", (1, 2, 4, 8)),
+            ("PGS", (1, 2, 4, 8, 16, 32, 64)),
+        ):
+            yield scan_over(
+                {**base, "solver": solver, "tolerance": 0.0},
+                f"{prefix}, {solver} iterations",
+                "iterations",
+                counts,
+            )
+        yield scan_over(
+            {**base, "solver": "CG", "tolerance": 0.0, "warmstart": False},
+            f"{prefix}, CG without warm start, iterations",
+            "iterations",
+            (1, 2, 4, 8),
+        )
+
+    def perturbations(
+        self, parameters: ParameterValues, about: Studied, scaled: bool
+    ) -> Iterator[Perturbation]:
+        """Perturbations of the step, of the softness of loops or limits, and of the solver."""
+        model = about.model
+        known: dict[str, Any] = {
+            **(ENGINE_DEFAULTS if parameters.get("defaults") else {}),
+            **parameters,
+        }
+
+        def changed_settings(**changed: ParameterValue) -> dict[str, ParameterValue]:
+            return {**parameters, **changed}
+
+        step = known.get("timestep", model.opt.timestep)
+        yield Perturbation(
+            SOLREF_CAUSE if scaled else STEP_CAUSE,
+            "halving the step" + ", solref as it is" * scaled,
+            changed_settings(timestep=step / 2),
+        )
+        if not has_soft_constraints(about):
+            return
+        what, soft = "loops", (model.eq_solref, model.eq_solimp)
+        if not model.neq:
+            what, soft = (
+                "limits",
+                (model.jnt_solref[limited_joints(model)], model.jnt_solimp[limited_joints(model)]),
+            )
+        tau, ratio = known.get("solref", soft[0][0])[:2]
+        can_halve_solref = tau / 2 >= 2 * step  # MuJoCo raises a shorter time constant
+        yield Perturbation(
+            f"softness of the {what}",
+            "halving solref" if can_halve_solref else "doubling solref",
+            changed_settings(solref=(tau / 2 if can_halve_solref else 2 * tau, ratio)),
+            can_halve_solref,
+        )
+        low, high, *rest = known.get("solimp", soft[1][0])
+        can_halve = 1 - (1 - high) / 2 <= MAX_IMPEDANCE
+        factor = 0.5 if can_halve else 2.0
+        yield Perturbation(
+            f"softness of the {what}, solimp",
+            f"{'halving' if can_halve else 'doubling'} 1 - solimp",
+            changed_settings(solimp=(1 - factor * (1 - low), 1 - factor * (1 - high), *rest)),
+            can_halve,
+        )
+        more = 4 * known.get("iterations", model.opt.iterations)
+        within = min(known.get("tolerance", model.opt.tolerance), SOLVER_TOLERANCE)
+        yield Perturbation(
+            "the solver's iterations",
+            "four times as many iterations",
+            changed_settings(iterations=more, tolerance=within),
+        )
+
+    def recipes(self, about: Studied) -> Iterator[Recipe]:
+        """Recipes for each integrator, with default softness and with time constants in steps."""
+        loops = has_soft_constraints(about)
+
+        def held(integrator: str, soft: int) -> Callable[[float], dict[str, ParameterValue]]:
+            return lambda step: {
+                "integrator": integrator,
+                "solref": (soft * step, 1.0),
+                "solimp": HARD_SOLIMP,
+            }
+
+        def by_itself(integrator: str) -> Callable[[float], dict[str, ParameterValue]]:
+            return lambda step: {"integrator": integrator, "defaults": True}
+
+        for integrator in INTEGRATORS:
+            yield Recipe(
+                f"MuJoCo {integrator}{', default softness' * loops}",
+                by_itself(integrator),
+                integrator == ENGINE_DEFAULTS["integrator"],
+            )
+            if loops:
+                for soft in (2, 4, 8, *((32, 128) if may_rebound(about) else ())):
+                    yield Recipe(
+                        f"MuJoCo {integrator}, solref {soft} steps", held(integrator, soft)
+                    )
+
+    def holding(
+        self, model: Path, parameters: ParameterValues, slower: float
+    ) -> dict[str, ParameterValue]:
+        """Settings with a larger `impratio`; see `proofmass.sim.mujoco.contacts.creep_rate`."""
+        own = float(str(parameters.get("impratio", compile_model(model).opt.impratio)))
+        return {**parameters, "impratio": own * slower}
+
+
 def hardest_loops(solref: float) -> dict[str, ParameterValue]:
     """Settings of loops with a time constant [s] and the hardest `solimp`."""
     return {"solref": (solref, 1.0), "solimp": HARD_SOLIMP}
-
-
-def at_step(parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
-    """Settings with another time step [s], and a `solref` scaled in proportion to it.
-
-    >>> at_step({"timestep": 1e-3, "solref": (8e-3, 1.0)}, 5e-4)
-    {'timestep': 0.0005, 'solref': (0.004, 1.0)}
-    """
-    scaled = dict(parameters, timestep=step)
-    if isinstance(solref := parameters.get("solref"), tuple):
-        scaled["solref"] = (
-            first_number(solref) * step / first_number(parameters["timestep"]),
-            *solref[1:],
-        )
-    return scaled
-
-
-def scans(about: Studied) -> Iterator[Scan]:
-    """Scans over the step, for each integrator and softness, and over settings of constraints."""
-    model, own = about.model, about.own_step
-    loops = has_soft_constraints(about)
-
-    def over(integrator: str, soft: int | None) -> Scan:
-        parameters = tuple(
-            {
-                "timestep": h,
-                "integrator": integrator,
-                **(hardest_loops(soft * h) if soft else {"defaults": True}),
-            }
-            for h in about.timesteps(STAGES.get(integrator, 1))
-        )
-        held = f", solref {soft} steps" if soft else ", default softness"
-        return Scan(f"MuJoCo {integrator}{held * loops}", "timestep", parameters)
-
-    yield from (over(integrator, None) for integrator in INTEGRATORS)
-    prefix = f"MuJoCo RK4 at {1e3 * own:g} ms"
-    plain: dict[str, ParameterValue] = {"timestep": own, "integrator": "RK4"}
-    if may_touch(model):
-        for cone in ("pyramidal", "elliptic"):
-            yield scan_over(
-                {**plain, "cone": cone},
-                f"{prefix}, {cone} cone, impratio",
-                "impratio",
-                (1.0, 10.0, 100.0),
-            )
-    if may_touch(model) or has_dry_friction(model):
-        yield scan_over(plain, f"{prefix}, noslip_iterations", "noslip_iterations", (1, 3, 10, 30))
-    if not loops:
-        return
-    yield from (over(integrator, STEPS_OF_SOLREF) for integrator in INTEGRATORS)
-    yield from (over("Euler", 2), over("RK4", 4))
-    base = {**plain, **hardest_loops(STEPS_OF_SOLREF * own)}
-    yield scan_over(
-        base, f"{prefix}, solref", "solref", [(m * own, 1.0) for m in (64, 32, 16, 8, 4, 2)]
-    )
-    yield scan_over(
-        {**base, "refsafe": False},
-        f"{prefix}, refsafe off, solref",
-        "solref",
-        [(m * own, 1.0) for m in (1.5, 1.0, 0.75)],
-    )  # with refsafe, all of these would be raised to 2 steps
-    yield scan_over(
-        base, f"{prefix}, solimp", "solimp", [(d, d, 0.001) for d in (0.9, 0.99, 0.999, 0.9999)]
-    )
-    step = about.quartered_step(STAGES["RK4"])
-    prefix = f"MuJoCo RK4 at {1e3 * step:.3g} ms"
-    base = {**plain, "timestep": step, **hardest_loops(STEPS_OF_SOLREF * step)}
-    for solver, counts in (
-        ("Newton", (1, 2, 4)),
-        ("CG", (1, 2, 4, 8)),
-        ("PGS", (1, 2, 4, 8, 16, 32, 64)),
-    ):
-        yield scan_over(
-            {**base, "solver": solver, "tolerance": 0.0},
-            f"{prefix}, {solver} iterations",
-            "iterations",
-            counts,
-        )
-    yield scan_over(
-        {**base, "solver": "CG", "tolerance": 0.0, "warmstart": False},
-        f"{prefix}, CG without warm start, iterations",
-        "iterations",
-        (1, 2, 4, 8),
-    )
-
-
-def orders(scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
-    """Orders of convergence that errors of a derivative may show in a scan."""
-    first = scan.settings[0]
-    if scan.varied == "solimp":
-        return (1.0,)
-    if scan.varied == "solref":  # below two steps the spring itself is not resolved
-        return () if first.get("refsafe") is False else softness_orders(about, derivative)
-    return step_orders(scan, derivative, about) if scan.varied == "timestep" else ()
-
-
-def step_orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
-    """Orders of convergence that errors of derivative j may show in a scan over the step."""
-    is_rk4 = scan.settings[0]["integrator"] == "RK4"
-    own = (1.0, 2.0) if j == 1 and not about.held_to_drive else (1.0,)
-    if is_rk4:  # a changing control is constant over all stages of a step
-        own = (2.0, 4.0) if about.controlled else (4.0,)
-    scaled = len({each.get("solref") for each in scan.settings}) > 1
-    if not (has_soft_constraints(about) and scaled):
-        return own
-    if is_rk4:
-        return tuple(dict.fromkeys((2.0 - j, 2.0)))
-    held = {0: (2.0,), 1: (1.0,), 2: (1.0, 2.0, *([0.0] * about.jolted()))}[j]
-    return held if about.held_to_drive else (*own, *softness_orders(about, j))
 
 
 def has_soft_constraints(about: Studied) -> bool:
@@ -185,66 +223,6 @@ def has_soft_constraints(about: Studied) -> bool:
 def may_rebound(about: Studied) -> bool:
     """Whether joints may rebound from limits, in a motion without drives."""
     return not about.driven and limited_joints(about.model).size > 0
-
-
-def softness_orders(about: Studied, j: int) -> tuple[float, ...]:
-    """Orders in the time constant of loops or limits; impacts last in proportion to the latter."""
-    if may_rebound(about):
-        return (1.0, 2.0)
-    return tuple(dict.fromkeys((2.0 - j, 2.0))) if about.jolted() else (2.0,)
-
-
-def perturbations(
-    parameters: ParameterValues, about: Studied, scaled: bool
-) -> Iterator[Perturbation]:
-    """Perturbations of the step, of the softness of loops or limits, and of the solver."""
-    model = about.model
-    known: dict[str, Any] = {
-        **(ENGINE_DEFAULTS if parameters.get("defaults") else {}),
-        **parameters,
-    }
-
-    def changed_settings(**changed: ParameterValue) -> dict[str, ParameterValue]:
-        return {**parameters, **changed}
-
-    step = known.get("timestep", model.opt.timestep)
-    yield Perturbation(
-        SOLREF_CAUSE if scaled else STEP_CAUSE,
-        "halving the step" + ", solref as it is" * scaled,
-        changed_settings(timestep=step / 2),
-    )
-    if not has_soft_constraints(about):
-        return
-    what, soft = "loops", (model.eq_solref, model.eq_solimp)
-    if not model.neq:
-        what, soft = (
-            "limits",
-            (model.jnt_solref[limited_joints(model)], model.jnt_solimp[limited_joints(model)]),
-        )
-    tau, ratio = known.get("solref", soft[0][0])[:2]
-    can_halve_solref = tau / 2 >= 2 * step  # MuJoCo raises a shorter time constant
-    yield Perturbation(
-        f"softness of the {what}",
-        "halving solref" if can_halve_solref else "doubling solref",
-        changed_settings(solref=(tau / 2 if can_halve_solref else 2 * tau, ratio)),
-        can_halve_solref,
-    )
-    low, high, *rest = known.get("solimp", soft[1][0])
-    can_halve = 1 - (1 - high) / 2 <= MAX_IMPEDANCE
-    factor = 0.5 if can_halve else 2.0
-    yield Perturbation(
-        f"softness of the {what}, solimp",
-        f"{'halving' if can_halve else 'doubling'} 1 - solimp",
-        changed_settings(solimp=(1 - factor * (1 - low), 1 - factor * (1 - high), *rest)),
-        can_halve,
-    )
-    more = 4 * known.get("iterations", model.opt.iterations)
-    within = min(known.get("tolerance", model.opt.tolerance), SOLVER_TOLERANCE)
-    yield Perturbation(
-        "the solver's iterations",
-        "four times as many iterations",
-        changed_settings(iterations=more, tolerance=within),
-    )
 
 
 def recipes(about: Studied) -> Iterator[Recipe]:
@@ -270,252 +248,3 @@ def recipes(about: Studied) -> Iterator[Recipe]:
         if loops:
             for soft in (2, 4, 8, *((32, 128) if may_rebound(about) else ())):
                 yield Recipe(f"MuJoCo {integrator}, solref {soft} steps", held(integrator, soft))
-
-
-def euler_map(z: float, zeta: float) -> Array:
-    """Step map of Euler: the new velocity, with the damping at its end, moves the position."""
-    divisor = 1.0 + 2.0 * zeta * z
-    return np.array([[1.0 - z**2 / divisor, 1.0 / divisor], [-(z**2) / divisor, 1.0 / divisor]])
-
-
-def explicit_euler_map(z: float, zeta: float) -> Array:
-    """Step map of Euler with the damper's force at the beginning of the step."""
-    factor = 1.0 - 2.0 * zeta * z
-    return np.array([[1.0 - z**2, factor], [-(z**2), factor]])
-
-
-def discrete_map(z: float, zeta: float) -> Array:
-    """Step map with the forces of spring and damper at the end of the step."""
-    divisor = 1.0 + 2.0 * zeta * z + z**2
-    return np.array([[1.0 - z**2 / divisor, 1.0 / divisor], [-(z**2) / divisor, 1.0 / divisor]])
-
-
-def rk4_map(z: float, zeta: float) -> Array:
-    """Step map of RK4: the exponential series of the system's matrix up to the fourth power."""
-    step = np.array([[0.0, 1.0], [-(z**2), -2.0 * zeta * z]])
-    a, power = np.eye(2), np.eye(2)
-    for k in (1, 2, 3, 4):
-        power = power @ step / k
-        a = a + power
-    return a
-
-
-LIMIT_FORMULAS: dict[StepMap, str] = {  # formulas of the largest stable dt omega
-    euler_map: "2 (ζ + √(1 + ζ²))",
-    explicit_euler_map: "2 (√(1 + ζ²) − ζ)",
-    rk4_map: "|R(z (−ζ + i √(1 − ζ²)))| = 1",
-    discrete_map: "implicit in the spring as well",
-}
-SINGLE_VALUE = (0.0,)
-
-
-def make_scheme(name: str, step: StepMap, **tried: tuple[float, ...]) -> Scheme:
-    """The scheme of an integrator; all but discrete conserve energy."""
-    return Scheme(
-        name,
-        step,
-        LIMIT_FORMULAS[step],
-        {"integrator": name},
-        step is not discrete_map,
-        tried=tried,
-    )
-
-
-SCHEMES = (
-    make_scheme(
-        "Euler",
-        euler_map,
-        spring=(0.0, 0.3, 1.0),
-        slide=SINGLE_VALUE,
-        chain=(20, 200),
-        pendulum=SINGLE_VALUE,
-        swing=(0.05,),
-        fade=(0.05,),
-    ),
-    make_scheme("implicit", euler_map, spring=SINGLE_VALUE),
-    make_scheme(
-        "implicitfast", euler_map, spring=(0.0, 0.3, 1.0), whirl=SINGLE_VALUE, swing=(0.05,)
-    ),
-    make_scheme(
-        "RK4",
-        rk4_map,
-        spring=(0.0, 0.3, 1.0),
-        slide=SINGLE_VALUE,
-        chain=(20,),
-        pendulum=SINGLE_VALUE,
-        whirl=SINGLE_VALUE,
-        swing=(0.3,),
-        fade=(0.3,),
-    ),
-    make_scheme("discrete", discrete_map, spring=(0.0, 0.3)),
-)
-
-
-def scheme_of(parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
-    """The scheme of a run: that of its integrator."""
-    own = mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
-    name = str(parameters.get("integrator", own))
-    return next(one for one in SCHEMES if one.name.lower() == name.lower())
-
-
-def limit_problems() -> Iterator[LimitProblem]:
-    """Test problems: springs with explicit damping, velocity servos, soft loops, flat cylinders."""
-    for zeta in (0.3, 1.0):
-        text = wheel_model(1.0, 2.0 * zeta, flags='eulerdamp="disable"')
-        yield LimitProblem(
-            f"spring on a hinge, ζ = {zeta:g}, explicit damping",
-            "Euler",
-            "dt ω",
-            LIMIT_FORMULAS[explicit_euler_map],
-            spring_stepping(text),
-            explicit_euler_map,
-            zeta,
-            reach=100.0,
-        )
-    yield from servo_problems()
-    yield from loop_problems()
-    yield cylinder_problem()
-
-
-def spring_stepping(text: str) -> Stepping:
-    """A model in Euler's method with a step that is varied; the coordinate's value is watched."""
-    return lambda step: (text, step, {"integrator": "Euler"}, "place")
-
-
-def servo_problems() -> Iterator[LimitProblem]:
-    """A velocity servo, which is an explicit damper unless the integrator is implicit in it."""
-    text = wheel_model(
-        rest='<actuator><velocity joint="joint" kv="1"/></actuator>' + start_key("0", "0.001")
-    )
-
-    def served(name: str) -> Stepping:
-        return lambda step: (text, step, {"integrator": name}, "rate")
-
-    for one in SCHEMES:
-        what = "velocity servo", one.name, "dt kv/I"
-        if one.name == "Euler":
-            yield LimitProblem(*what, "|1 − z| = 1", served(one.name), theory=2.0)
-        elif one.step is rk4_map:  # its eigenvalue is negative and real, as with critical damping
-            yield LimitProblem(*what, "|R(−z)| = 1", served(one.name), rk4_map, 1.0)
-        else:
-            yield LimitProblem(*what, "implicit in the velocity", served(one.name), theory=inf)
-
-
-def loop_problems() -> Iterator[LimitProblem]:
-    """Soft loops, each an explicit spring with critical damping and omega = 1 / time constant."""
-    for name, step in (
-        ("Euler", explicit_euler_map),
-        ("implicitfast", explicit_euler_map),
-        ("RK4", rk4_map),
-        ("discrete", discrete_map),
-    ):
-        yield LimitProblem(
-            "loop with refsafe off",
-            name,
-            "dt/solref",
-            LIMIT_FORMULAS[step] + ", ζ = 1",
-            loop_stepping('refsafe="disable"', name),
-            step,
-            1.0,
-        )
-    yield LimitProblem(
-        "loop with refsafe on",
-        "Euler",
-        "dt/solref",
-        "solref is kept to 2 dt",
-        loop_stepping("", "Euler"),
-        theory=inf,
-    )
-
-
-def loop_stepping(flags: str, name: str) -> Stepping:
-    """A slide that an equality constrains against its weight, with a step of 1 s."""
-    text = wheel_model(
-        kind="slide",
-        gravity="1e-3 0 0",
-        flags=flags,
-        rest='<equality><joint joint1="joint" solimp="0.9 0.9 0.001"/></equality>',
-    )
-
-    def stepped(ratio: float) -> tuple[str, float, dict[str, ParameterValue], str]:
-        return text, 1.0, {"integrator": name, "solref": (1.0 / ratio, 1.0)}, "place"
-
-    return stepped
-
-
-CYLINDER_RADIUS, HALF_HEIGHT, CYLINDER_CLEARANCE = 0.041, 0.002, 2.1e-5
-"""Radius and half the height of a flat cylinder, and its height above the floor [m]."""
-TWO_ULPS = 2 * float(np.finfo(float).eps)
-"""Largest error of the squared length of a rotated axis that was observed [1]."""
-CYLINDER_COUNT = 400
-"""Number of cylinders, each rotated differently: five axes have the error `TWO_ULPS`, 81 half."""
-
-
-def cylinder_problem() -> LimitProblem:
-    """Cylinders at rest above a floor, without weight, so that no force should act on them.
-
-    MuJoCo finds the lowest point of the edge at the radius r from the centre of a face, in the
-    direction of (n . a) a - n, with the axis a of the cylinder and the normal n of the floor::
-
-             a
-         ____|____         that vector is as long as the tilt, and lies in the face, but for a
-        |____|____|        component d along a, which is a rounding error: the point is
-             |                 r d / sqrt(tilt^2 + d^2)
-        _____n_____        too deep, by up to the radius
-
-    `docs/contacts.md` has depths and energies of single poses.
-    """
-    theory = 1.0 / np.sqrt(1.0 - (CYLINDER_CLEARANCE / CYLINDER_RADIUS) ** 2)
-    return LimitProblem(
-        f"flat cylinders, {1e3 * CYLINDER_CLEARANCE:g} mm above a floor",
-        "Euler",
-        "r d/(gap tilt)",
-        f"r d / √(tilt² + d²) = gap, d = {TWO_ULPS:.2g}; tilt {tilt_for_share(theory):.2g} rad",
-        lambda share: hanging_cylinders(tilt_for_share(share)),
-        theory=float(theory),
-        start=0.01,
-        reach=100.0,
-        bound=1e-12,
-    )
-
-
-def tilt_for_share(share: float) -> float:
-    """The tilt [rad] at which rounding puts the lowest point `share` times the gap too deep."""
-    return float(CYLINDER_RADIUS * TWO_ULPS / (CYLINDER_CLEARANCE * share))
-
-
-def tilted_quaternion(tilt: float, turn: float, direction: float) -> Array:
-    """The quaternion [1] of a body that is rotated by `turn` about the vertical, and then tilted.
-
-    The `tilt` is small, and its horizontal axis is at the angle `direction` [all rad].
-    """
-    found = np.zeros(4)
-    lean = np.array([1.0, 0.5 * tilt * np.cos(direction), 0.5 * tilt * np.sin(direction), 0.0])
-    about = np.array([np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)])
-    mujoco.mju_mulQuat(found, lean, about)
-    return found
-
-
-def hanging_cylinders(tilt: float) -> tuple[str, float, dict[str, ParameterValue], str]:
-    """The problem of the cylinders, tilted by an angle [rad]; their kinetic energy is watched."""
-    turns, ways = (
-        2 * np.pi * (np.arange(CYLINDER_COUNT) * share % 1.0) for share in (0.618, 0.755)
-    )
-    bodies = []
-    for k, (turn, way) in enumerate(zip(turns, ways, strict=True)):
-        quat = " ".join(map(repr, tilted_quaternion(tilt, turn, way).tolist()))
-        bodies.append(
-            f"""<body pos="{k} 0 {HALF_HEIGHT + CYLINDER_CLEARANCE!r}" quat="{quat}">
-            <joint name="joint{k}" type="slide" axis="0 0 1"/>
-            <geom type="cylinder" size="{CYLINDER_RADIUS} {HALF_HEIGHT}" mass="0.01"/></body>"""
-        )
-    text = f"""<mujoco model="flat_cylinders">
-  <option gravity="0 0 0"/>
-  <worldbody>
-    <geom type="plane" size="1 1 1" priority="1" solref="-1e6 -200"/>
-    {"".join(bodies)}
-  </worldbody>
-  <sensor><e_kinetic name="kinetic"/></sensor>
-  <keyframe><key name="start"/></keyframe>
-</mujoco>"""
-    return text, 1e-3, {"integrator": "Euler"}, "kinetic"

@@ -11,7 +11,7 @@ to 1.65 of all, on the processor on which they were measured.
 
 import mujoco
 
-from proofmass.sim.mujoco.tried_settings import STAGES
+from proofmass.sim.mujoco.settings import STAGES
 
 EVALUATION = {
     "evaluation": 1.07e-6,

@@ -2,8 +2,12 @@
 
 from dataclasses import dataclass
 from math import isnan, nan
+from pathlib import Path
 
 from proofmass.base.arrays import Array
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.part import EnginePart
+from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 
 
 @dataclass(frozen=True)
@@ -90,3 +94,48 @@ class OwnMotion:
     dof: int
     disturbance: float = 1e-9
     notes: tuple[str, ...] = ()
+
+
+class OwnEquations(EnginePart):
+    """Solutions of a model's own motion, by an engine whose equations are those of the MJCF."""
+
+    def solve_motion(
+        self,
+        path: Path,
+        until: float,
+        samples: int,
+        seconds: float,
+        start: str = "start",
+        drives: tuple[Drive, ...] = (),
+        loads: tuple[ChangingLoad, ...] = (),
+    ) -> OwnMotion:
+        """Solve the motion of a model by itself in several ways.
+
+        Parameters
+        ----------
+        path : Path
+            The MJCF file.
+        until, samples : float, int
+            Duration of the motion [s], and approximate number of samples.
+        seconds : float
+            Approximate processor time for all ways together, counted and not measured [s].
+        start : str
+            Key of the model from which the motion starts; the first key if there is none of that
+            name.
+        drives, loads : tuple of Drive, tuple of ChangingLoad
+            Prescribed motions and controls, if any.
+
+        Raises
+        ------
+        BadModel, Unsupported
+        """
+        raise NotImplementedError
+
+    def solve_closely(self, path: Path, run: Run) -> Curves:
+        """Solve a motion without fixed time steps, as accurately as possible.
+
+        Raises
+        ------
+        BadModel, Unsupported, NotSolved
+        """
+        raise NotImplementedError

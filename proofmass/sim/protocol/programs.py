@@ -2,7 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from textwrap import indent
+from typing import ClassVar
 
+from proofmass.sim.protocol.failures import Unsupported
+from proofmass.sim.protocol.part import EnginePart
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.protocol.settings import ParameterValues
 
 
@@ -13,7 +19,7 @@ class Imposed:
     Attributes
     ----------
     kind : str
-        A word that the engine defines; see its `write_program`.
+        A word that the engine defines; see its `Programs.write_program`.
     gain : float
         Stiffness of the drive relative to the value that the time step suggests [1]; 0 if there is
         no choice.
@@ -28,3 +34,74 @@ def sidecar_instructions(parameters: ParameterValues, but: Sequence[str] = ()) -
     for key in sorted(set(parameters) - {*but, "defaults"}):
         place = "every rod" if key == "segments" else "settings"
         yield f"{place} of the sidecar: {key} = {parameters[key]!r}"
+
+
+class Programs(EnginePart):
+    """Settings as text to paste, and programs; by default lines for a sidecar, and no program.
+
+    Attributes
+    ----------
+    imposed : sequence of Imposed
+        Ways in which programs can impose a motion, the ideal way first.
+    """
+
+    imposed: ClassVar[Sequence[Imposed]] = (Imposed("ideal drive"),)
+
+    def write_snippet(
+        self, parameters: ParameterValues, steps: int, model: Path | None = None
+    ) -> str:
+        """Text to paste so that the engine runs with these settings, for so many steps."""
+        return "\n".join(f"# {line}" for line in sidecar_instructions(parameters))
+
+    def write_comment(self, text: str) -> str:
+        """Text as a comment before a snippet."""
+        return indent(text, "# ")
+
+    def insert_snippet(
+        self, model: Path, parameters: ParameterValues, steps: int
+    ) -> tuple[str, set[str]] | None:
+        """The text of an MJCF with a snippet in it, and the names of the settings that it states.
+
+        The result is None if the engine's snippets are no part of an MJCF.
+        """
+        return None
+
+    def write_program(
+        self,
+        path: Path,
+        run: Run,
+        motion: str,
+        head: str,
+        drive: Imposed,
+        controls: str = "",
+    ) -> str:
+        """A dynamics run as a program that needs the engine only.
+
+        Parameters
+        ----------
+        path : Path
+            The MJCF file.
+        run : Run
+            A dynamics run, with the settings for the program.
+        motion : str
+            Source of ``motion(t)``: values [rad or m], rates and accelerations (drives, n) of the
+            drives at times (n,) [s]; empty for a free motion.
+        head : str
+            Docstring of the program.
+        drive : Imposed
+            How the program moves the driven joints, one of `imposed`.
+        controls : str, optional
+            Source of ``controls(t)``: controls (loads, n) of the loads of the run at times (n,)
+            [s].
+
+        Returns
+        -------
+        str
+            Python source: ``python run.py [FILE]`` writes the curves as CSV.
+
+        Raises
+        ------
+        Unsupported
+            The program cannot be written; the message says why.
+        """
+        raise Unsupported(f"{self.title} has no programs")

@@ -42,6 +42,15 @@ class EngineSettings(BaseModel):
         return [name for name, field in cls.model_fields.items() if mark in field.metadata]
 
     @classmethod
+    def is_default(cls, parameters: "ParameterValues") -> bool:
+        """Whether settings differ from the engine's own defaults in the time step at most."""
+        return bool(parameters.get("defaults")) and all(
+            value == cls.model_fields[name].default
+            for name, value in parameters.items()
+            if name in cls.model_fields and name not in ("timestep", "defaults")
+        )
+
+    @classmethod
     def read(cls, settings: Mapping[str, Any]) -> Self:
         """Check settings.
 

@@ -1,10 +1,16 @@
-"""What theory states of an engine: stability of its schemes, and limits of test problems."""
+"""What theory states of an engine: orders of convergence, stability, limits of test problems."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
 
 from proofmass.base.arrays import Array
-from proofmass.sim.protocol.settings import ParameterValue
+from proofmass.sim.protocol.part import EnginePart
+from proofmass.sim.protocol.settings import ParameterValue, ParameterValues
+from proofmass.sim.protocol.tuning import Scan, Studied
+
+if TYPE_CHECKING:
+    from mujoco import MjModel
 
 StepMap = Callable[[float, float], Array]
 """``map(z, zeta)``: the matrix (2, 2) that a step applies to (q, dt q') of a spring and a damper,
@@ -77,3 +83,31 @@ class LimitProblem:
     start: float = 0.1
     reach: float = 1e3
     bound: float | None = None
+
+
+class Theory(EnginePart):
+    """What theory states of an engine; by default nothing.
+
+    Attributes
+    ----------
+    schemes : tuple of Scheme
+        Its time-stepping schemes whose stability is known.
+    """
+
+    schemes: ClassVar[tuple[Scheme, ...]] = ()
+
+    def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
+        """Orders of convergence that errors of a scan may show; empty if theory gives none.
+
+        `derivative` is 0 for errors of positions, 1 of rates and energies, 2 of accelerations and
+        forces.
+        """
+        return ()
+
+    def scheme_of(self, parameters: ParameterValues, model: "MjModel") -> Scheme | None:
+        """The scheme with which a single coordinate is stepped; None if none is known."""
+        return None
+
+    def limit_problems(self) -> Iterator[LimitProblem]:
+        """The engine's own test problems."""
+        yield from ()

@@ -1,12 +1,14 @@
 """Settings that studies vary: scans, recipes, and perturbations of one cause at a time."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, takewhile
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
 
 from proofmass.base.arrays import Array
-from proofmass.sim.protocol.settings import ParameterValue, ParameterValues
+from proofmass.sim.protocol.part import EnginePart
+from proofmass.sim.protocol.settings import ParameterValue, ParameterValues, first_number
 
 if TYPE_CHECKING:
     from mujoco import MjModel
@@ -133,3 +135,59 @@ class Perturbation:
     parameters: dict[str, ParameterValue]
     better: bool | None = True
     whole: bool = False
+
+
+class Tuning(EnginePart):
+    """The settings of an engine that studies vary; by default its time step, if that is a setting.
+
+    Attributes
+    ----------
+    sizes : mapping of str to callable
+        By setting, the quantity with which errors should fall, as a function of the setting's
+        value: a step or time constant [s], or a share.
+    labels : mapping of str to str
+        By setting, name of that quantity on the axis of a figure, if it is not the setting.
+    """
+
+    sizes: ClassVar[Mapping[str, Callable[[ParameterValue], float]]] = {"timestep": first_number}
+    labels: ClassVar[Mapping[str, str]] = {}
+
+    def size(self, varied: str, value: ParameterValue) -> float:
+        """Quantity with which errors should fall along a scan: from `sizes`, or 1 / value."""
+        return self.sizes[varied](value) if varied in self.sizes else 1.0 / first_number(value)
+
+    def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
+        """Settings with another time step [s], and other settings adapted to it."""
+        return {**parameters, "timestep": step}
+
+    def scans(self, about: Studied) -> Iterator[Scan]:
+        """Scans of settings in dynamics."""
+        if "timestep" in self.settings.model_fields:
+            yield scan_over({}, self.title, "timestep", about.timesteps())
+
+    def perturbations(
+        self, parameters: ParameterValues, about: Studied, scaled: bool
+    ) -> Iterator[Perturbation]:
+        """Settings in which one possible cause of an error is changed, for each cause.
+
+        `scaled` states whether the settings are of a scan in which loops get harder with the step.
+        """
+        if "timestep" in self.settings.model_fields:
+            step = first_number(parameters.get("timestep", about.own_step))
+            yield Perturbation(STEP_CAUSE, "halving the step", {**parameters, "timestep": step / 2})
+
+    def recipes(self, about: Studied) -> Iterator[Recipe]:
+        """Recipes among which the cheapest sufficient setting is searched."""
+        if "timestep" in self.settings.model_fields:
+            plain: dict[str, ParameterValue] = (
+                {"defaults": True} if ("defaults" in self.settings.model_fields) else {}
+            )
+            yield Recipe(
+                f"{self.title}, defaults" if plain else self.title, lambda step: plain, bool(plain)
+            )
+
+    def holding(
+        self, model: Path, parameters: ParameterValues, slower: float
+    ) -> dict[str, ParameterValue] | None:
+        """Settings with which creep under friction is `slower` times slower; None if impossible."""
+        return None

@@ -1,6 +1,5 @@
 """The engine pymunk (Chipmunk): runs a planar MJCF that MuJoCo has compiled."""
 
-from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,26 +8,13 @@ from proofmass.analytic.support import left_out
 from proofmass.sim.mjcf import collected_warnings, warning_notes
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.engine import Engine
-from proofmass.sim.protocol.programs import Imposed, sidecar_instructions
+from proofmass.sim.protocol.part import LoadedPart
 from proofmass.sim.protocol.run import Run
-from proofmass.sim.protocol.settings import ParameterValues
-from proofmass.sim.protocol.tuning import Perturbation, Recipe, Scan, Studied
-from proofmass.sim.pymunk import tried_settings
-from proofmass.sim.pymunk.dynamics import MIN_FIRST_ITERATIONS, dynamics
+from proofmass.sim.pymunk.dynamics import dynamics
 from proofmass.sim.pymunk.model import find_channels, read_model
-from proofmass.sim.pymunk.program import IMPOSED as IMPOSED
-from proofmass.sim.pymunk.program import write_program as write_program
 from proofmass.sim.pymunk.quasi_static import equilibrium, sweep
-from proofmass.sim.pymunk.settings import ACCURACY, PymunkSettings
+from proofmass.sim.pymunk.settings import ACCURACY, CONTACT_SETTINGS, SPACE_SETTINGS, PymunkSettings
 from proofmass.sim.pymunk.support import SUPPORT
-
-SPACE_SETTINGS = ("timestep", "iterations", "error_bias")
-CONTACT_SETTINGS = ("collision_slop", "collision_bias")
-
-
-def check_settings(settings: Mapping[str, object]) -> None:
-    """Raise `BadSetting` if a setting is unknown or out of range."""
-    PymunkSettings.read(settings)
 
 
 def simulate(model: Path, run: Run) -> Curves:
@@ -101,45 +87,6 @@ def simulate(model: Path, run: Run) -> Curves:
     )
 
 
-def snippet(parameters: ParameterValues, steps: int) -> str:
-    """Lines of Python that step a pymunk space with given settings.
-
-    Settings that pymunk does not have are added as comments; the lines are comments only if the
-    time step, the iterations or the bias is missing.
-    """
-    own = list(stepping_lines(parameters, steps)) if set(parameters) >= set(SPACE_SETTINGS) else []
-    return "\n".join(
-        [
-            *own,
-            *(
-                f"# {line}"
-                for line in sidecar_instructions(parameters, (*SPACE_SETTINGS, *CONTACT_SETTINGS))
-            ),
-        ]
-    )
-
-
-def stepping_lines(parameters: ParameterValues, steps: int) -> Iterator[str]:
-    """Lines of Python that set a space and step it.
-
-    The first step takes more iterations, since there are no impulses of an earlier step.
-    """
-    iterations = int(str(parameters["iterations"]))
-    yield from (
-        f"space.{key} = {parameters[key]!r}" for key in CONTACT_SETTINGS if key in parameters
-    )
-    yield from (
-        "for constraint in space.constraints:",
-        f"    constraint.error_bias = {parameters['error_bias']!r}",
-        f"space.iterations = {max(MIN_FIRST_ITERATIONS, 10 * iterations)}"
-        "  # there are no impulses to start from",
-        f"space.step({parameters['timestep']!r})",
-        f"space.iterations = {iterations}",
-        f"for _ in range({steps - 1}):",
-        f"    space.step({parameters['timestep']!r})",
-    )
-
-
 class Pymunk(Engine):
     """pymunk as an engine of proofmass; see `proofmass.sim.protocol.engine.Engine`."""
 
@@ -148,50 +95,15 @@ class Pymunk(Engine):
     settings = PymunkSettings
     chooses = (*SPACE_SETTINGS, *CONTACT_SETTINGS)
     planar = True
-    imposed = IMPOSED
-    schemes = tried_settings.SCHEMES
-    labels = tried_settings.LABELS
-    sizes = tried_settings.SIZES
     accuracy = ACCURACY
     support = SUPPORT
+    tuning = LoadedPart("proofmass.sim.pymunk.tried_settings:PymunkTuning")
+    theory = LoadedPart("proofmass.sim.pymunk.theory:PymunkTheory")
+    programs = LoadedPart("proofmass.sim.pymunk.program:PymunkPrograms")
 
     def simulate(self, model: Path, run: Run) -> Curves:
         """See `simulate`."""
         return simulate(model, run)
-
-    def scans(self, about: Studied) -> Iterator[Scan]:
-        """See `proofmass.sim.pymunk.tried_settings.scans`."""
-        return tried_settings.scans(self.title, about)
-
-    def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
-        """See `proofmass.sim.pymunk.tried_settings.orders`."""
-        return tried_settings.orders(scan, derivative, about)
-
-    def perturbations(
-        self, parameters: ParameterValues, about: Studied, scaled: bool
-    ) -> Iterator[Perturbation]:
-        """See `proofmass.sim.pymunk.tried_settings.perturbations`."""
-        return tried_settings.perturbations(parameters, about)
-
-    def recipes(self, about: Studied) -> Iterator[Recipe]:
-        """See `proofmass.sim.pymunk.tried_settings.recipes`."""
-        return tried_settings.recipes(self.title)
-
-    def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
-        """See `snippet`; `model` is not used."""
-        return snippet(parameters, steps)
-
-    def write_program(
-        self,
-        model: Path,
-        run: Run,
-        motion: str,
-        head: str,
-        drive: Imposed,
-        controls: str = "",
-    ) -> str:
-        """See `proofmass.sim.pymunk.program.write_program`."""
-        return write_program(model, run, motion, head, drive, controls)
 
 
 ENGINE = Pymunk()

@@ -16,8 +16,9 @@ from proofmass.base.arrays import Array
 from proofmass.sim.program_text import escape_text, load_template
 from proofmass.sim.protocol.curves import drive_columns
 from proofmass.sim.protocol.failures import BadSetting, Unsupported
-from proofmass.sim.protocol.programs import Imposed
+from proofmass.sim.protocol.programs import Imposed, Programs, sidecar_instructions
 from proofmass.sim.protocol.run import Run
+from proofmass.sim.protocol.settings import ParameterValues
 from proofmass.sim.pymunk.contacts import ContactShape
 from proofmass.sim.pymunk.dynamics import MAX_LOOP_VIOLATION, MIN_FIRST_ITERATIONS, start_state
 from proofmass.sim.pymunk.links import LinkConstraint, LinkGear, LinkJoint, Links, LinkSpring
@@ -35,6 +36,7 @@ from proofmass.sim.pymunk.read import (
     body_masses,
     read_channel,
 )
+from proofmass.sim.pymunk.settings import CONTACT_SETTINGS, SPACE_SETTINGS
 from proofmass.sim.pymunk.space import (
     HALF_GROOVE,
     STOP_TYPES,
@@ -61,74 +63,111 @@ JOINT_UNITS = {True: ("rad", "N m"), False: ("m", "N")}
 """Units of the coordinate and of the force of a joint, by whether it is a hinge."""
 
 
-def write_program(
-    model: Path,
-    run: Run,
-    motion: str,
-    head: str,
-    drive: Imposed = IMPOSED[0],
-    controls: str = "",
-) -> str:
-    """Write a program that runs the same steps as `proofmass.sim.pymunk.engine.simulate`.
+class PymunkPrograms(Programs):
+    """Settings as lines of Python, and programs that need only pymunk and NumPy."""
 
-    Parameters
-    ----------
-    model : Path
-        The MJCF file.
-    run : Run
-        A dynamics run; its settings must have ``iterations`` or ``defaults``.
-    motion : str
-        Source of ``motion(t)``: values [rad or m], rates and accelerations (drives, n) of the
-        drives at times (n,) [s]; empty for a free motion.
-    head : str
-        Docstring of the program.
-    drive : Imposed, optional
-        The way in which it moves driven hinges, one of `IMPOSED`.
-    controls : str, optional
-        Source of ``controls(t)``: controls (loads, n) of the loads of the run at times (n,) [s].
+    imposed = IMPOSED
 
-    Returns
-    -------
-    str
-        Python source.  ``python run.py [FILE]`` writes the channels that pymunk delivers, at the
-        samples, to a CSV file, and prints the number of steps and their wall time [s].  If the run
-        fails, it prints an error and ends with exit code 1.
+    def write_snippet(
+        self, parameters: ParameterValues, steps: int, model: Path | None = None
+    ) -> str:
+        """Lines of Python that step a pymunk space with given settings; `model` is not used.
 
-    Raises
-    ------
-    Unsupported
-        The run is not a dynamics run, or a slide is to be driven by a motor.
-    BadSetting
-        A setting is missing or out of range.
-    BadModel
-        See `proofmass.sim.pymunk.engine.simulate`.
-    """
-    if drive not in IMPOSED:
-        raise ValueError(
-            f"a drive by {drive.kind!r}; known: {', '.join(one.kind for one in IMPOSED)}"
+        Settings that pymunk does not have are added as comments; the lines are comments only if the
+        time step, the iterations or the bias is missing.
+        """
+        own = (
+            list(stepping_lines(parameters, steps))
+            if set(parameters) >= set(SPACE_SETTINGS)
+            else []
         )
-    if run.kind != "dynamics":
-        raise Unsupported(f"a program in pymunk of another run than dynamics, such as {run.kind}")
-    links, settings = read_model(model, run)
-    links = links_at_start(links, run)
-    if settings["iterations"] is None:
-        raise BadSetting("iterations", "missing; a program needs their number")
-    if drive.kind == "motor":
-        for joint in links.drives:
-            if joint.constraint.axis is not None:
-                raise Unsupported(
-                    f"a motor on slide joint '{joint.name}': pymunk has none that "
-                    f"moves along a line"
+        return "\n".join(
+            [
+                *own,
+                *(
+                    f"# {line}"
+                    for line in sidecar_instructions(
+                        parameters, (*SPACE_SETTINGS, *CONTACT_SETTINGS)
+                    )
+                ),
+            ]
+        )
+
+    def write_program(
+        self,
+        path: Path,
+        run: Run,
+        motion: str,
+        head: str,
+        drive: Imposed = IMPOSED[0],
+        controls: str = "",
+    ) -> str:
+        """A program with the same steps as a run; see `Programs.write_program`.
+
+        The settings of the run must have ``iterations`` or ``defaults``.  The program writes the
+        channels that pymunk delivers, and prints the number of steps and their processor time [s].
+        If the run fails, it prints an error and ends with exit code 1.
+
+        Raises
+        ------
+        Unsupported
+            The run is not a dynamics run, or a slide is to be driven by a motor.
+        BadSetting
+            A setting is missing or out of range.
+        BadModel
+            See `proofmass.sim.pymunk.engine.simulate`.
+        """
+        if drive not in IMPOSED:
+            raise ValueError(
+                f"a drive by {drive.kind!r}; known: {', '.join(one.kind for one in IMPOSED)}"
+            )
+        if run.kind != "dynamics":
+            raise Unsupported(
+                f"a program in pymunk of another run than dynamics, such as {run.kind}"
+            )
+        links, settings = read_model(path, run)
+        links = links_at_start(links, run)
+        if settings["iterations"] is None:
+            raise BadSetting("iterations", "missing; a program needs their number")
+        if drive.kind == "motor":
+            for joint in links.drives:
+                if joint.constraint.axis is not None:
+                    raise Unsupported(
+                        f"a motor on slide joint '{joint.name}': pymunk has none that "
+                        f"moves along a line"
+                    )
+        placeholders = [f"body_{k}_of_{len(links.mass)}" for k in range(len(links.mass) + 1)]
+        used_names = {
+            *names_in(
+                _render_program(
+                    links, run, settings, motion, head, drive.kind, placeholders, controls
                 )
-    placeholders = [f"body_{k}_of_{len(links.mass)}" for k in range(len(links.mass) + 1)]
-    used_names = {
-        *names_in(
-            _render_program(links, run, settings, motion, head, drive.kind, placeholders, controls)
-        ),
-        *keyword.kwlist,
-    } - set(placeholders)
-    names = body_names(links, used_names)
-    return _render_program(links, run, settings, motion, head, drive.kind, names, controls)
+            ),
+            *keyword.kwlist,
+        } - set(placeholders)
+        names = body_names(links, used_names)
+        return _render_program(links, run, settings, motion, head, drive.kind, names, controls)
+
+
+def stepping_lines(parameters: ParameterValues, steps: int) -> Iterator[str]:
+    """Lines of Python that set a space and step it.
+
+    The first step takes more iterations, since there are no impulses of an earlier step.
+    """
+    iterations = int(str(parameters["iterations"]))
+    yield from (
+        f"space.{key} = {parameters[key]!r}" for key in CONTACT_SETTINGS if key in parameters
+    )
+    yield from (
+        "for constraint in space.constraints:",
+        f"    constraint.error_bias = {parameters['error_bias']!r}",
+        f"space.iterations = {max(MIN_FIRST_ITERATIONS, 10 * iterations)}"
+        "  # there are no impulses to start from",
+        f"space.step({parameters['timestep']!r})",
+        f"space.iterations = {iterations}",
+        f"for _ in range({steps - 1}):",
+        f"    space.step({parameters['timestep']!r})",
+    )
 
 
 def names_in(program: str) -> set[str]:

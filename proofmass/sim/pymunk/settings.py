@@ -18,6 +18,9 @@ from proofmass.sim.protocol.run import Run
 from proofmass.sim.protocol.settings import EngineSettings
 from proofmass.sim.pymunk.space import Settings
 
+SPACE_SETTINGS = ("timestep", "iterations", "error_bias")
+CONTACT_SETTINGS = ("collision_slop", "collision_bias")
+"""Settings that a space and its constraints have in all runs in time, and with contacts."""
 CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
 """Chipmunk's default share of a constraint violation that is left after a second."""
 CONTACT_SLOP = 1e-6

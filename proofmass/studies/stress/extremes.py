@@ -110,7 +110,7 @@ def search_energy_error(stressed: StressedCase) -> Iterator[LimitSearch]:
         stressed.seconds / stressed.step,
         MAX_SEARCH_STEPS,
         partial(try_step_count, stressed, watched),
-        [one for one in stressed.engine.schemes if one.conserves],
+        [one for one in stressed.engine.theory.schemes if one.conserves],
     )
 
 
@@ -307,7 +307,8 @@ def search_stiffness(stressed: StressedCase) -> Iterator[LimitSearch]:
     )
     softest = inertia * (2.0 * np.pi / seconds) ** 2
     limit = NAN
-    scheme = stressed.engine.scheme_of(stressed.setting.parameters, compiled_model(stressed.case))
+    own_theory = stressed.engine.theory
+    scheme = own_theory.scheme_of(stressed.setting.parameters, compiled_model(stressed.case))
     if free and compiled_model(case).nv == 1 and scheme:
         z = theory.largest_accurate_z(scheme, seconds / stressed.step)
         limit = inertia * (z / stressed.step) ** 2
@@ -395,7 +396,7 @@ def search_time_step(stressed: StressedCase) -> Iterator[LimitSearch]:
         lambda parameters, step: stressed.try_in_steps(
             stressed.case, stressed.seconds, timestep=step, **parameters
         ),
-        stressed.engine.schemes,
+        stressed.engine.theory.schemes,
     )
 
 

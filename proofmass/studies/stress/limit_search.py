@@ -393,7 +393,7 @@ class StressedCase:
 
         `trial` is called with the settings of the scheme, and the value.
         """
-        if len(self.engine.schemes) < 2:
+        if len(self.engine.theory.schemes) < 2:
             yield self.search(parameter, unit, start, reach, partial(trial, {}))
             return
         for one in schemes:

@@ -159,7 +159,7 @@ def problem_schemes(problem: str) -> Iterator[tuple[str, Scheme, float]]:
     `proofmass.sim.protocol.theory.Scheme` describes the numbers.
     """
     for engine in engine_names():
-        for scheme in engine_of(engine).schemes:
+        for scheme in engine_of(engine).theory.schemes:
             for number in scheme.tried.get(problem, ()):
                 yield engine, scheme, number
 
@@ -239,7 +239,7 @@ def try_gravity(engine: str, settings: dict[str, Any], gravity: float) -> TrialR
 def search_engine_problems() -> Iterator[LimitSearch]:
     """The searches of the problems that an engine itself provides."""
     for engine in engine_names():
-        for one in engine_of(engine).limit_problems():
+        for one in engine_of(engine).theory.limit_problems():
             known = stability_limit(one.step, one.zeta) if one.step else one.theory
             yield LimitSearch(
                 one.what,

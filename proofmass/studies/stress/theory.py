@@ -44,7 +44,7 @@ def periods_until_error(scheme: Scheme, z: float, share: float = 0.1) -> float:
     phase with semi-implicit steps, and z^4 / 120 of it with RK4.
 
     >>> from proofmass.sim.engines import engine_of
-    >>> lead, (scheme,) = 2 * np.arcsin(0.1), engine_of("pymunk").schemes
+    >>> lead, (scheme,) = 2 * np.arcsin(0.1), engine_of("pymunk").theory.schemes
     >>> periods = periods_until_error(scheme, 0.05)
     >>> bool(np.isclose(periods, lead * 24 / 0.05**2 / (2 * np.pi), rtol=1e-3))
     True
@@ -70,7 +70,7 @@ def steps_until_energy_share(scheme: Scheme, z: float, share: float = 0.9) -> fl
     unit circle, so they dissipate none.
 
     >>> from proofmass.sim.engines import engine_of
-    >>> schemes = {one.name: one for one in engine_of("mujoco").schemes}
+    >>> schemes = {one.name: one for one in engine_of("mujoco").theory.schemes}
     >>> steps = steps_until_energy_share(schemes["RK4"], 0.1)
     >>> bool(np.isclose(steps, -np.log(0.9) * 72 / 0.1**6, rtol=2e-3))
     True
@@ -87,7 +87,7 @@ def largest_accurate_z(scheme: Scheme, steps: float, share: float = 0.1) -> floa
     The error is that of `periods_until_error`, over the range of the oscillation.
 
     >>> from proofmass.sim.engines import engine_of
-    >>> scheme, = engine_of("pymunk").schemes
+    >>> scheme, = engine_of("pymunk").theory.schemes
     >>> z = largest_accurate_z(scheme, 1000)
     >>> bool(np.isclose(1000 * z**3 / 24, 2 * np.arcsin(0.1), rtol=0.02))
     True

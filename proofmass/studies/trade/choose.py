@@ -325,7 +325,7 @@ def compare_with_defaults(
 
 def is_default(row: StudyRow) -> bool:
     """Whether a setting differs from the defaults of its engine in the time step only."""
-    return engine_of(row.engine).is_default(row.parameters)
+    return engine_of(row.engine).settings.is_default(row.parameters)
 
 
 def find_floor(row: StudyRow, error_kind: str, verdicts: Iterable[Verdict]) -> Verdict | None:
@@ -382,4 +382,4 @@ def format_snippet(choice: Choice, case: Case) -> str:
     if choice.check.ran:
         comments.append("The start state and the drives are in the program that -o run.py writes.")
     text = "\n".join(comments).replace("--", "-")
-    return f"{engine_of(choice.row.engine).comment(text)}\n{lines}"
+    return f"{engine_of(choice.row.engine).programs.write_comment(text)}\n{lines}"

@@ -144,14 +144,14 @@ def find_slow_setting(case: Case, solver: str, wanted: float, longest: float) ->
         Processor time after which a program is ended [s].
     """
     names = call_limited(case, "dynamics", find_resting_channels, case)
-    engine = engine_of(solver)
+    tuning = engine_of(solver).tuning
     given = dict(case.settings.get(solver, {}))
     found = [measure_creep(case, Setting(solver, given), names, longest)]
     reduction = RATE_MARGIN * found[0].rate / wanted
     for _ in range(MAX_PROPOSALS):
         if found[-1].rate <= wanted or not reduction > 1.0:
             break
-        proposed = engine.holding(case.model_path, given, float(f"{reduction:.2g}"))
+        proposed = tuning.holding(case.model_path, given, float(f"{reduction:.2g}"))
         if proposed is None:
             break
         found.append(measure_creep(case, Setting(solver, proposed), names, longest))

@@ -348,7 +348,7 @@ def axis_value(row: StudyRow) -> float:
 def axis_label(row: StudyRow) -> str:
     """Label for the sizes of a varied parameter; empty if its own values are drawn."""
     try:
-        return engine_of(row.engine).labels.get(row.varied, "")
+        return engine_of(row.engine).tuning.labels.get(row.varied, "")
     except NoEngine:  # the table may come from a machine with other engines
         return ""
 

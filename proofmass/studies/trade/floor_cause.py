@@ -80,7 +80,7 @@ def list_perturbations(
         change of the step alone changes the ratio of time constants to the step.
     """
     if run == "dynamics":
-        found = engine_of(setting.engine).perturbations(
+        found = engine_of(setting.engine).tuning.perturbations(
             setting.parameters, describe_dynamics(case), scaled
         )
         changes = [(case, one) for one in found]

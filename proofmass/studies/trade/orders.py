@@ -27,7 +27,7 @@ def expected_orders(
         return ()
     if series.varied == "segments":
         return (1.0,) if any(rod.scheme == "naive" for rod in case.rod.values()) else (2.0,)
-    return engine_of(series.engine).orders(
+    return engine_of(series.engine).theory.orders(
         series.scan, DERIVATIVE_OF_KIND[kind], describe_dynamics(case)
     )
 

@@ -53,7 +53,7 @@ def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
     str
         In the form of the engine, such as MJCF or Python.
     """
-    return engine_of(setting.engine).snippet(setting.parameters, steps, model)
+    return engine_of(setting.engine).programs.write_snippet(setting.parameters, steps, model)
 
 
 STEPS_LINE = re.compile(r"^(\d+) steps in (\S+) s", re.MULTILINE)
@@ -86,7 +86,7 @@ class ProgramRun:
 
 def drive_ways(case: Case, engine: str) -> Sequence[Imposed]:
     """The ways in which an engine's programs can move a case's drives, the ideal one first."""
-    ways = engine_of(engine).imposed
+    ways = engine_of(engine).programs.imposed
     return ways if case.drive else ways[:1]
 
 
@@ -110,8 +110,8 @@ def program_text_here(case: Case, setting: Setting, drive: Imposed, docstring: s
     given = {}
     if run.loads:
         given = {"controls": controls_source([each.profile for each in run.loads], run.x)}
-    engine = engine_of(setting.engine)
-    return engine.write_program(case.model_path, run, motion, docstring, drive, **given)
+    programs = engine_of(setting.engine).programs
+    return programs.write_program(case.model_path, run, motion, docstring, drive, **given)
 
 
 def run_stored_program(

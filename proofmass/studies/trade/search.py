@@ -252,7 +252,7 @@ def list_families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
             )
     for name in case.run["dynamics"].engines:
         if name in (engine or name):
-            for recipe in engine_of(name).recipes(description):
+            for recipe in engine_of(name).tuning.recipes(description):
                 yield SettingFamily(
                     name, recipe.name, recipe_setting(name, recipe), sample, recipe.plain
                 )

@@ -26,9 +26,9 @@ def setting_size(engine: str, varied: str, value: ParameterValue) -> float:
     For other varied parameters it is a time constant [s], a share or a length: the engine says.
     """
     try:
-        return engine_of(engine).size(varied, value)
+        return engine_of(engine).tuning.size(varied, value)
     except NoEngine:  # the table may come from a machine with other engines
-        return Engine().size(varied, value)
+        return Engine().tuning.size(varied, value)
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def list_series(case: Case, kind: Kind) -> list[ConvergenceSeries]:
         *(
             series_of_scan(name, scan)
             for name in engines
-            for scan in engine_of(name).scans(description)
+            for scan in engine_of(name).tuning.scans(description)
         ),
     ]
 
@@ -127,7 +127,8 @@ def own_settings_series(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:
 
 def with_step(setting: Setting, step: float) -> Setting:
     """A setting with another time step [s], and with parameters that depend on it."""
-    return replace(setting, parameters=engine_of(setting.engine).at_step(setting.parameters, step))
+    tuning = engine_of(setting.engine).tuning
+    return replace(setting, parameters=tuning.at_step(setting.parameters, step))
 
 
 def scan_segments(case: Case, kind: Kind, engine: str) -> Iterator[Scan]:

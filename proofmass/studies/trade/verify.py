@@ -323,7 +323,9 @@ def shifted_error(case: Case, kind: Kind, setting: Setting, error_kind: str) -> 
 def run_fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves, Setting]:
     """Run a setting again, with its snippet in the model if it is MJCF: curves, setting as used."""
     case, run = setting.apply_to(case, kind)
-    pasted_model = engine_of(setting.engine).pasted(case.model_path, setting.parameters, steps)
+    pasted_model = engine_of(setting.engine).programs.insert_snippet(
+        case.model_path, setting.parameters, steps
+    )
     if pasted_model:
         text, stated = pasted_model
         run = replace(run, settings={k: v for k, v in run.settings.items() if k not in stated})

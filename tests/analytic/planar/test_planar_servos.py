@@ -13,8 +13,8 @@ from proofmass.analytic.numerics import NotCovered
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.run import Drive, Run
+from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
-from proofmass.sim.pymunk.program import write_program
 from proofmass.sim.smooth import SmoothTerms
 from tests.programs import program_curves
 from tests.shipped import shipped
@@ -67,7 +67,9 @@ def test_pymunk_converges_to_the_motion_in_first_order():
 def test_a_pymunk_program_contains_the_servos(tmp_path: Path):
     run = Run("dynamics", TIMES[:21], ("shoulder", "elbow", "reach"), settings={"timestep": 1e-3})
     wanted = in_pymunk(ARM_FILE, run)
-    text = write_program(ARM_FILE, Run(**{**vars(run), "settings": wanted.settings}), "", "")
+    text = PYMUNK.programs.write_program(
+        ARM_FILE, Run(**{**vars(run), "settings": wanted.settings}), "", ""
+    )
     found = program_curves(text, tmp_path)
     for name in run.channels:
         assert np.abs(found[name] - wanted.channels[name]).max() < 1e-9, name

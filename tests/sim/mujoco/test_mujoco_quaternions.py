@@ -22,7 +22,7 @@ def test_curves_and_programs_have_the_same_signs_of_quaternions(tmp_path):
     assert curves.channels["turn.w"][0] == 1.0
     quaternion = np.array([curves.channels[f"turn.{part}"] for part in "wxyz"])
     assert np.abs(np.diff(quaternion)).max() < 0.5, "no jump"
-    program = ENGINE.write_program(model, run, "", "", Imposed("free", 0.0))
+    program = ENGINE.programs.write_program(model, run, "", "", Imposed("free", 0.0))
     found = program_curves(program, tmp_path)
     columns = [name for name in found if name.startswith("turn")]
     np.testing.assert_allclose([found[name] for name in columns], quaternion, atol=1e-12, rtol=0)

@@ -11,18 +11,17 @@ from scipy.integrate import solve_ivp
 
 from proofmass.reference.self_consistency import why_failed
 from proofmass.sim.mujoco import own_motion
-from proofmass.sim.mujoco.engine import simulate
+from proofmass.sim.mujoco.engine import ENGINE, simulate
 from proofmass.sim.mujoco.own_motion import (
     CoordinateRates,
     copy_with_changes,
-    solve_closely,
-    solve_own_motion,
 )
 from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.protocol.run import Run
 from tests.shipped import shipped
 
+EQUATIONS = ENGINE.own_equations
 FREE_ROTOR = """<mujoco><option gravity="0 0 0"/><worldbody><body name="b" pos="0 0 1"><freejoint/>
   <inertial pos="0 0 0" mass="1" diaginertia="1 2 3"/><geom size="0.1"/></body></worldbody>
   <keyframe><key qpos="0 0 1 1 0 0 0" qvel="0.1 0 0 0.01 2 0.01"/></keyframe></mujoco>"""
@@ -38,7 +37,7 @@ MODEL_WITH_ALL_JOINTS = """<mujoco><worldbody>
 def solved_motion(tmp_path, text, **asked):
     file = tmp_path / "model.xml"
     file.write_text(text)
-    return solve_own_motion(file, **{"until": 1.0, "samples": 51, "seconds": 30.0, **asked})
+    return EQUATIONS.solve_motion(file, **{"until": 1.0, "samples": 51, "seconds": 30.0, **asked})
 
 
 def test_rates_of_coordinates_equal_those_of_the_engine():
@@ -245,8 +244,8 @@ def test_loops_are_closed_at_the_start_as_in_a_run_with_steps(tmp_path):
     file = tmp_path / "fourbar.xml"
     file.write_text(opened)
     run = Run("dynamics", np.linspace(0.0, 0.01, 3), ("pin.x", "pin.y"))
-    closely, stepped = solve_closely(file, run), simulate(file, run)
+    closely, stepped = EQUATIONS.solve_closely(file, run), simulate(file, run)
     for name in run.channels:
         assert closely.channels[name][0] == pytest.approx(stepped.channels[name][0], abs=1e-12)
-    tight = solve_closely(shipped("fourbar.xml"), run)
+    tight = EQUATIONS.solve_closely(shipped("fourbar.xml"), run)
     assert abs(closely.channels["pin.x"][0] - tight.channels["pin.x"][0]) > 1e-6

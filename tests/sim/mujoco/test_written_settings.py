@@ -11,9 +11,8 @@ from proofmass.case.drive import motion_source
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.mujoco.engine import insert_snippet
+from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
 from proofmass.sim.mujoco.model import load
-from proofmass.sim.mujoco.program import write_program
 from proofmass.sim.mujoco.settings import (
     SETTING_PLACES,
     SOFTNESS_SETTINGS,
@@ -21,7 +20,7 @@ from proofmass.sim.mujoco.settings import (
     configure,
     option_values,
 )
-from proofmass.sim.mujoco.tried_settings import recipes
+from proofmass.sim.mujoco.snippet import insert_snippet
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.protocol.settings import first_number
 from proofmass.sim.protocol.tuning import Studied
@@ -86,7 +85,7 @@ def run_with_settings(settings: dict) -> Run:
 def model_of_program(file: Path, settings: dict) -> mujoco.MjModel:
     """The compiled model of a program."""
     names: dict = {"__name__": "run"}
-    exec(write_program(file, run_with_settings(settings), "", ""), names)
+    exec(MUJOCO.programs.write_program(file, run_with_settings(settings), "", ""), names)
     return mujoco.MjModel.from_xml_string(names["MODEL"])
 
 
@@ -196,7 +195,7 @@ def test_a_program_with_contacts_equals_the_engines_run(settings: dict, tmp_path
     wanted = call_engine("mujoco", file, run(settings)).channels
     fewer = dict(list(settings.items())[:-1])
     without = call_engine("mujoco", file, run(fewer)).channels
-    found = program_curves(write_program(file, run(settings), "", ""), tmp_path)
+    found = program_curves(MUJOCO.programs.write_program(file, run(settings), "", ""), tmp_path)
     for name, curve in wanted.items():
         assert found[name].tolist() == curve.tolist()
         assert np.abs(curve - without[name]).max() > 1e-9  # the last of the settings acts
@@ -229,7 +228,9 @@ def test_a_program_with_a_loop_equals_the_engines_run(
     _, run = Setting("mujoco", {**base, **changed}).apply_to(case, "dynamics")
     _, other = Setting("mujoco", {**base, **unchanged}).apply_to(case, "dynamics")
     motion = motion_source([each.profile for each in run.drives], run.x)
-    found = program_curves(write_program(case.model_path, run, motion, ""), tmp_path)
+    found = program_curves(
+        MUJOCO.programs.write_program(case.model_path, run, motion, ""), tmp_path
+    )
     wanted = call_engine("mujoco", case.model_path, run).channels
     without = call_engine("mujoco", case.model_path, other).channels
     for name, curve in wanted.items():
@@ -257,8 +258,13 @@ def test_impacts_on_limits_are_tried_with_more_steps(limited: str, softest: int)
     """An impact lasts about a time constant, and its error depends on the steps in this time."""
     model = mujoco.MjModel.from_xml_string(SCENE.replace('limited="true"', f'limited="{limited}"'))
     about = Studied(model, np.linspace(0.0, 1.0, 11), 1e4, False, False, lambda: False)
-    tried = [first_number(one.parameters(1.0).get("solref", 0.0)) for one in recipes(about)]
+    tried = [
+        first_number(one.parameters(1.0).get("solref", 0.0)) for one in MUJOCO.tuning.recipes(about)
+    ]
     assert max(tried) == softest
     driven = replace(about, driven=True)
-    tried = [first_number(one.parameters(1.0).get("solref", 0.0)) for one in recipes(driven)]
+    tried = [
+        first_number(one.parameters(1.0).get("solref", 0.0))
+        for one in MUJOCO.tuning.recipes(driven)
+    ]
     assert max(tried) == 8

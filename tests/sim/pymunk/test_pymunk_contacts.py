@@ -10,9 +10,9 @@ from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.contacts import find_pairs
+from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.model import read_links
-from proofmass.sim.pymunk.program import write_program
 from tests.programs import program_curves
 from tests.shipped import shipped
 
@@ -383,6 +383,6 @@ def test_a_pymunk_program_has_the_same_contacts(name, tmp_path):
     settings = {"iterations": 100, "error_bias": 0.0, "timestep": 1e-3}
     run = Run("dynamics", np.linspace(0.0, 0.1, 11), channels, settings=settings)
     wanted = simulate(file, run).channels
-    found = program_curves(write_program(file, run, "", ""), tmp_path)
+    found = program_curves(PYMUNK.programs.write_program(file, run, "", ""), tmp_path)
     for channel in channels:
         assert np.abs(found[channel] - wanted[channel]).max() < 1e-12, channel

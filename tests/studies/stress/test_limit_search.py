@@ -106,7 +106,9 @@ def test_each_scheme_of_an_engine_has_a_search_of_its_own(stressed_pendulum, mon
 
     for n, words in ((1, ["RK4"]), (2, ["a", "b"])):
         monkeypatch.setattr(
-            limit_search, "engine_of", lambda name, n=n: SimpleNamespace(schemes=schemes[:n])
+            limit_search,
+            "engine_of",
+            lambda name, n=n: SimpleNamespace(theory=SimpleNamespace(schemes=schemes[:n])),
         )
         found = list(stressed_pendulum.search_schemes("step", "s", 1.0, inf, trial, schemes[:n]))
         assert [one.setting for one in found] == words

@@ -16,8 +16,8 @@ from proofmass.studies.stress.boundary import BoundaryKind, Failure
 from proofmass.studies.stress.limit_search import bisect, measure_or_read
 from proofmass.studies.variants import with_planar_reference
 
-(PYMUNK,) = engine_of("pymunk").schemes
-RK4 = next(one for one in engine_of("mujoco").schemes if one.name == "RK4")
+(PYMUNK,) = engine_of("pymunk").theory.schemes
+RK4 = next(one for one in engine_of("mujoco").theory.schemes if one.name == "RK4")
 
 
 def test_the_shortest_rocker_is_that_of_grashof(stressed):

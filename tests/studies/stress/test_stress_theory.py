@@ -5,8 +5,8 @@ import numpy as np
 import pymunk
 import pytest
 
-from proofmass.sim.mujoco.tried_settings import SCHEMES, discrete_map, euler_map, explicit_euler_map
-from proofmass.sim.pymunk.tried_settings import chipmunk_step
+from proofmass.sim.mujoco.theory import SCHEMES, discrete_map, euler_map, explicit_euler_map
+from proofmass.sim.pymunk.theory import chipmunk_step
 from proofmass.sim.stability import stability_limit
 from proofmass.studies.stress import problems, theory
 from proofmass.studies.stress.boundary import Boundary

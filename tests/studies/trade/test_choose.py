@@ -19,8 +19,8 @@ from proofmass.commands.cli import app
 from proofmass.reference.reference import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
-from proofmass.sim.mujoco.engine import insert_snippet
 from proofmass.sim.mujoco.settings import configure
+from proofmass.sim.mujoco.snippet import insert_snippet
 from proofmass.sim.protocol.failures import Diverged, Unsupported
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store

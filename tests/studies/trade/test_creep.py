@@ -79,7 +79,9 @@ def test_an_unreachable_rate_is_reported_with_the_tried_settings(short_case):
 
 def test_a_proposed_setting_that_creeps_too_fast_is_rejected(short_case, monkeypatch):
     monkeypatch.setattr(
-        type(engine_of("mujoco")), "holding", lambda self, model, given, slower: {"impratio": 2.0}
+        type(engine_of("mujoco").tuning),
+        "holding",
+        lambda self, model, given, slower: {"impratio": 2.0},
     )
     assert run_choose(short_case, "--creep", 1e-6).exit_code == 1
 

@@ -8,7 +8,7 @@ import pytest
 from proofmass.reference.reference import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.sim.contents import may_touch
-from proofmass.sim.pymunk.tried_settings import is_damped
+from proofmass.sim.pymunk.theory import is_damped
 from proofmass.studies.measure import StudyRun, call_engine
 from proofmass.studies.record import Setting
 from proofmass.studies.run import run_tasks

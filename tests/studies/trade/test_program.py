@@ -22,7 +22,8 @@ from proofmass.case.drive import (
 )
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine
-from proofmass.sim.mujoco.program import IMPOSED, expand_model, write_program
+from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
+from proofmass.sim.mujoco.program import IMPOSED, expand_model
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.programs import Imposed
 from proofmass.sim.protocol.run import Drive, Run
@@ -328,7 +329,9 @@ def test_an_unknown_kind_of_drive_is_refused() -> None:
     case = load_short_case("fourbar")
     _, run = Setting("mujoco", COARSE_PARAMETERS).apply_to(case, "dynamics")
     with pytest.raises(ValueError, match="known: flywheel, servo, equality"):
-        write_program(case.model_path, run, "def motion(t): pass", "", Imposed("rope"))
+        MUJOCO.programs.write_program(
+            case.model_path, run, "def motion(t): pass", "", Imposed("rope")
+        )
 
 
 PID_PLUGIN = (
@@ -372,13 +375,13 @@ def test_a_servo_on_a_joint_with_another_actuator_is_refused(
     _, run = Setting("mujoco", COARSE_PARAMETERS).apply_to(load_short_case("fourbar"), "dynamics")
     call_engine("mujoco", model, run)
     for drive in (Imposed("flywheel"), Imposed("equality", 0.25)):
-        assert "MODEL" in write_program(model, run, "", "", drive)
+        assert "MODEL" in MUJOCO.programs.write_program(model, run, "", "", drive)
     if not refused:
-        assert "MODEL" in write_program(model, run, "", "", Imposed("servo", 0.5))
+        assert "MODEL" in MUJOCO.programs.write_program(model, run, "", "", Imposed("servo", 0.5))
         return
     said = "a servo on joint 'crank', which the model's actuator 'hand' pushes as well"
     with pytest.raises(Unsupported, match=said):
-        write_program(model, run, "", "", Imposed("servo", 0.5))
+        MUJOCO.programs.write_program(model, run, "", "", Imposed("servo", 0.5))
 
 
 @pytest.mark.parametrize(
@@ -408,9 +411,9 @@ def test_a_drive_that_the_model_disables_is_refused(
       <keyframe><key name="start"/></keyframe></mujoco>""")
     times = np.linspace(0.0, 1.0, 11)
     run = Run("dynamics", times, (), (Drive("arm", lambda x: (x, 1.0 + 0.0 * x, 0.0 * x)),))
-    assert "MODEL" in write_program(model, run, "", "", Imposed("flywheel"))
+    assert "MODEL" in MUJOCO.programs.write_program(model, run, "", "", Imposed("flywheel"))
     with pytest.raises(Unsupported, match=said):
-        write_program(model, run, "", "", Imposed(kind, 0.5))
+        MUJOCO.programs.write_program(model, run, "", "", Imposed(kind, 0.5))
 
 
 def test_free_motions_have_one_program() -> None:
@@ -560,7 +563,7 @@ def test_the_program_of_an_odd_model_gives_the_curves_of_the_engine(
     """All curves are equal bit by bit, and the program needs none of the model's files."""
     model, run = write_odd_model(tmp_path, gravity, rate)
     motion = motion_source([each.profile for each in run.drives], run.x)
-    text = write_program(model, run, motion, 'Of "odd" names\\', IMPOSED[0])
+    text = MUJOCO.programs.write_program(model, run, motion, 'Of "odd" names\\', IMPOSED[0])
     wanted = call_engine("mujoco", model, run)
     for file in (model, tmp_path / "rocker.xml", tmp_path / "shapes" / "m.stl"):
         file.unlink()
@@ -581,7 +584,7 @@ def test_default_classes_of_a_model_do_not_affect_its_drives(
     """
     model, run = write_odd_model(tmp_path)
     motion = motion_source([each.profile for each in run.drives], run.x)
-    found = program_curves(write_program(model, run, motion, "", drive), tmp_path)
+    found = program_curves(MUJOCO.programs.write_program(model, run, motion, "", drive), tmp_path)
     wanted = call_engine("mujoco", model, run).channels['ro"ck\\, é']
     assert np.ptp(wanted) > 0.1
     assert found['ro"ck\\, é'] == pytest.approx(wanted, abs=1e-3)
@@ -589,7 +592,7 @@ def test_default_classes_of_a_model_do_not_affect_its_drives(
 
 def test_long_lines_of_a_model_are_broken(tmp_path: Path) -> None:
     model, run = write_odd_model(tmp_path)
-    text = write_program(model, replace(run, drives=()), "", "")
+    text = MUJOCO.programs.write_program(model, replace(run, drives=()), "", "")
     assert max(map(len, text.splitlines())) <= 100
 
 
@@ -598,7 +601,7 @@ def test_large_files_of_a_model_are_named_by_their_path(
 ) -> None:
     model, run = write_odd_model(tmp_path, rate=0.0)
     monkeypatch.setattr("proofmass.sim.mujoco.program.MAX_EMBEDDED_BYTES", 100)
-    text = write_program(model, run, "", "")
+    text = MUJOCO.programs.write_program(model, run, "", "")
     assert str(tmp_path / "shapes" / "m.stl") in text
     assert program_curves(text, tmp_path)["t"].size == run.x.size
 

@@ -11,12 +11,12 @@ import pytest
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine
 from proofmass.sim.mujoco import program
+from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
 from proofmass.sim.mujoco.program import (
     IMPOSED,
     MAX_DEPTH,
     expand_model,
     first_difference,
-    write_program,
     write_rods,
 )
 from proofmass.sim.protocol.failures import Unsupported
@@ -133,7 +133,7 @@ def test_default_classes_do_not_affect_the_links_of_a_program(
     model = write_arm_model(tmp_path, defaults, body)
     rod = replace(FREE_ROD, scheme=scheme, shear=40.0, axial=60.0)
     run = Run("dynamics", np.linspace(0.0, 0.02, 3), ("tip.x", "tip.y"), rods=(rod,))
-    found = program_curves(write_program(model, run, "", "x"), tmp_path)
+    found = program_curves(MUJOCO.programs.write_program(model, run, "", "x"), tmp_path)
     for name, curve in call_engine("mujoco", model, run).channels.items():
         assert found[name] == pytest.approx(curve, abs=1e-14)
 
@@ -142,9 +142,9 @@ def test_dead_loads_of_rods_are_in_the_program(tmp_path: Path) -> None:
     model = write_arm_model(tmp_path)
     run = Run("dynamics", np.linspace(0.0, 0.2, 5), ("tip.x", "tip.y"), rods=(FREE_ROD,))
     wanted = call_engine("mujoco", model, run).channels
-    found = program_curves(write_program(model, run, "", "x"), tmp_path)
+    found = program_curves(MUJOCO.programs.write_program(model, run, "", "x"), tmp_path)
     without = replace(run, rods=(replace(FREE_ROD, load=(0.0, 0.0, 0.0)),))
-    still = program_curves(write_program(model, without, "", "x"), tmp_path)
+    still = program_curves(MUJOCO.programs.write_program(model, without, "", "x"), tmp_path)
     assert found["tip.x"] == pytest.approx(wanted["tip.x"], abs=1e-14)
     assert np.abs(still["tip.x"] - wanted["tip.x"]).max() > 1e-3
 

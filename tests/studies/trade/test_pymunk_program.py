@@ -26,8 +26,9 @@ from proofmass.sim.protocol.curves import Curves, drive_columns
 from proofmass.sim.protocol.failures import BadSetting, Diverged, Unsupported
 from proofmass.sim.protocol.programs import Imposed
 from proofmass.sim.protocol.run import Drive, Run
+from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.engine import simulate
-from proofmass.sim.pymunk.program import IMPOSED, write_program
+from proofmass.sim.pymunk.program import IMPOSED
 from tests.programs import run_standalone
 from tests.shipped import shipped, shipped_case, shipped_files
 from tests.studies.trade.driven import drive_curves
@@ -158,7 +159,7 @@ def run_program_and_engine(
     wanted = simulate(case.model_path, run)
     run = replace(run, settings=wanted.settings)
     motion = motion_source_of(run)
-    text = write_program(case.model_path, run, motion, case.title, drive)
+    text = PYMUNK.programs.write_program(case.model_path, run, motion, case.title, drive)
     shown = {  # of forces and moments a program has those of drives, not those between bodies
         name: curve
         for name, curve in wanted.channels.items()
@@ -227,7 +228,7 @@ def test_a_motor_does_not_drift(tmp_path):
         settings={"timestep": 1e-3, "iterations": 10, "error_bias": 0.0},
     )
     motion = "def motion(t):\n    return 4 + 20 * np.pi * t[None], 0 * t[None], 0 * t[None]"
-    text = write_program(file, run, motion, "", Imposed("motor"))
+    text = PYMUNK.programs.write_program(file, run, motion, "", Imposed("motor"))
     got, truth = run_and_read(tmp_path / "bare", text).curves, 4 + 20 * np.pi * run.x
     # rounding is 1e-13 rad at 600 rad, and is corrected in the next step
     np.testing.assert_allclose(got["value"], truth, atol=1e-11, rtol=0)
@@ -342,7 +343,7 @@ def test_a_program_has_springs_limits_loads_and_all_channels(drives, tmp_path):
     )
     wanted = simulate(file, run)
     assert set(wanted.channels) == set(CHANNELS)
-    text = write_program(file, run, motion_source_of(run), "")
+    text = PYMUNK.programs.write_program(file, run, motion_source_of(run), "")
     got = run_and_read(tmp_path / "bare", text)
     # The program's linear springs are Chipmunk's own.  Their ends are 100 extents away and have
     # 1e-14 m of rounding, which an acceleration divides by dt^2.
@@ -377,7 +378,7 @@ def test_a_program_computes_the_moments_of_drives(tmp_path):
         settings={"timestep": 2e-3, **EXACT_SETTINGS},
     )
     wanted = simulate(file, run)
-    text = write_program(file, run, motion_source_of(run), "")
+    text = PYMUNK.programs.write_program(file, run, motion_source_of(run), "")
     got = run_and_read(tmp_path / "bare", text).curves
     assert_alike(
         got, wanted.channels | drive_curves(run, wanted), 1e-7
@@ -398,7 +399,7 @@ def test_a_program_computes_the_moments_of_drives(tmp_path):
         assert abs(off).max() > 1e-3 * np.ptp(got[name]), pattern
     limited = tmp_path / "limited.xml"
     limited.write_text(RICH_MODEL)
-    text = write_program(
+    text = PYMUNK.programs.write_program(
         limited, replace(run, channels=("moment", "arm")), motion_source_of(run), ""
     )
     assert '"moment":' not in text  # a joint limit may act, whose force the program does not know
@@ -413,7 +414,7 @@ def test_a_pendulum_falls_as_its_elliptic_function(tmp_path):
     k, w = np.sin(np.pi / 4), np.sqrt(9.81)
     truth = -2 * np.arcsin(k * ellipj(ellipk(k**2) + w * run.x, k**2)[0])
     for dt in (2e-3, 1e-3):
-        text = write_program(
+        text = PYMUNK.programs.write_program(
             shipped("pendulum.xml"),
             replace(run, settings={"timestep": dt, "iterations": 10, "error_bias": 0.0}),
             "",
@@ -480,7 +481,7 @@ def test_springs_and_loads_are_those_of_an_independent_integration(tmp_path):
         atol=1e-12,
     ).y[:2]
     for dt in (4e-3, 2e-3):
-        text = write_program(
+        text = PYMUNK.programs.write_program(
             file, replace(run, settings={"timestep": dt, **EXACT_SETTINGS}), "", ""
         )
         curves = run_and_read(tmp_path / f"{dt}", text).curves
@@ -502,7 +503,7 @@ def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
         run_of(case, 101), settings={"timestep": 2e-4, "iterations": 100, "error_bias": 0.0}
     )
     truth = reference.evaluate(case, "dynamics", run.x, None).channels
-    text = write_program(case.model_path, run, "", "")
+    text = PYMUNK.programs.write_program(case.model_path, run, "", "")
     place = "for body, ((x, y, angle)"
     plain = "START = [((*body.position, 0.0), (0.0, 0.0, 0.0)) for body in bodies[:-1]]\n"
     assert text.count(place) == 1
@@ -527,7 +528,8 @@ def test_a_failed_program_prints_the_message_of_simulate(tmp_path):
     with pytest.raises(Diverged) as failed:
         simulate(case.model_path, run)
     done = run_in_new_folder(
-        tmp_path / "bare", write_program(case.model_path, run, motion_source_of(run), "")
+        tmp_path / "bare",
+        PYMUNK.programs.write_program(case.model_path, run, motion_source_of(run), ""),
     )
     assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{failed.value}\n")
     assert not (tmp_path / "bare" / "curves.csv").exists()
@@ -536,7 +538,7 @@ def test_a_failed_program_prints_the_message_of_simulate(tmp_path):
 def test_a_value_that_is_not_finite_is_an_error(tmp_path):
     case = load_case(shipped("pendulum.toml"))
     run = replace(run_of(case, 3), settings={"timestep": 2e-3, **EXACT_SETTINGS})
-    text = write_program(case.model_path, run, "", "")
+    text = PYMUNK.programs.write_program(case.model_path, run, "", "")
     wrong, hits = re.subn(r"return 0\.5 \* \(early", "return np.nan * (early", text)
     assert hits == 1
     done = run_in_new_folder(tmp_path / "bare", wrong)
@@ -554,7 +556,7 @@ UNUSUAL_HEADER = (
 def test_a_program_stands_alone_with_any_docstring(head, doc, tmp_path):
     case = load_case(shipped("slider_crank.toml"))
     run = replace(run_of(case, 3), settings={"timestep": 5e-3, **EXACT_SETTINGS})
-    text = write_program(case.model_path, run, motion_source_of(run), head)
+    text = PYMUNK.programs.write_program(case.model_path, run, motion_source_of(run), head)
     tree = ast.parse(text)
     told = ast.get_docstring(tree, clean=False)
     assert (told and told.removesuffix("\n")) == doc
@@ -585,4 +587,4 @@ def test_a_program_that_cannot_be_written_is_refused(change, drive, error, named
     case = load_case(shipped("threeprr.toml"))
     run = replace(run_of(case), **{"settings": {"timestep": 1e-3, **EXACT_SETTINGS}, **change})
     with pytest.raises(error, match=named):
-        write_program(case.model_path, run, "", "", drive)
+        PYMUNK.programs.write_program(case.model_path, run, "", "", drive)

@@ -1,0 +1,82 @@
+"""What theory states of pymunk: orders of convergence and limits of stability.
+
+The errors fall with the step h as follows:
+
+    no bias                         h^2: positions advance with the old velocity, as in a leapfrog
+    a bias of time constant T       h T.  Constraint violations are corrected with a delay of T,
+                                    which damps a free motion: energy falls by h T^2 t.
+                                    Accelerations are differences of rates; few iterations leave an
+                                    error of h in rates, and may leave h^0 in accelerations
+    contacts                        h at an impact, which is a step late; h^2 while a contact lasts
+    dampers, servos with a rate     h: they use the rate before the step
+
+Chipmunk's step of a spring and a damper is stable for z^2 up to 2 (1 + exp(2 zeta z)), with
+z = h omega and the damping ratio zeta.
+"""
+
+import numpy as np
+from mujoco import MjModel
+
+from proofmass.base.arrays import Array
+from proofmass.sim.contents import is_linear_in_joint, may_touch
+from proofmass.sim.protocol.theory import Scheme, Theory
+from proofmass.sim.protocol.tuning import Scan, Studied
+
+
+def chipmunk_step(z: float, zeta: float) -> Array:
+    """Matrix of a step of Chipmunk for a spring and a damper, a `StepMap`.
+
+    The position moves with the old velocity.  Then the spring acts with its force at the new
+    position, and the damper with its exact solution.
+    """
+    damped_share = np.exp(-2.0 * zeta * z)
+    return np.array([[1.0, 1.0], [-damped_share * z**2, damped_share * (1.0 - z**2)]])
+
+
+ANY_VALUE = (0.0,)
+SCHEMES = (
+    Scheme(
+        "pymunk",
+        chipmunk_step,
+        "z² = 2 (1 + exp 2ζz)",
+        half_kick=True,
+        tried={
+            "spring": (0.0, 0.1, 0.3),
+            "slide": ANY_VALUE,
+            "chain": (5,),
+            "pendulum": ANY_VALUE,
+            "whirl": ANY_VALUE,
+            "swing": (0.05,),
+            "fade": (0.05,),
+        },
+    ),
+)
+
+
+class PymunkTheory(Theory):
+    """Orders and stability limits of pymunk."""
+
+    schemes = SCHEMES
+
+    def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
+        """Orders that the errors of a scan may show; j as `derivative` in `Engine.orders`."""
+        if scan.varied == "error_bias":
+            braked = () if about.driven else (2.0,)
+            return (1.0, *braked) if derivative < 2 else (1.0, *braked, 0.0)
+        if scan.varied != "timestep":
+            return ()
+        if may_touch(about.model) or is_damped(about.model):
+            return (1.0, 2.0)
+        if not scan.settings[0].get("defaults"):
+            return (2.0,)
+        return (1.0,) if derivative < 2 else (1.0, 0.0)
+
+
+def is_damped(model: MjModel) -> bool:
+    """Whether dampers or servos depend on rates, for which Chipmunk is of first order."""
+    servos = (a for a in range(model.nactuator) if is_linear_in_joint(model, a))
+    return bool(
+        model.dof_damping.any()
+        or model.tendon_damping.any()
+        or any(model.actuator_biasprm[a, 2] for a in servos)
+    )
