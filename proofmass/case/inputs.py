@@ -3,6 +3,7 @@
 It loads no package: the pytest plugin asks for each file that ends in ``.toml``.
 """
 
+import os
 import re
 import tomllib
 from collections.abc import Iterator
@@ -48,8 +49,9 @@ def is_of_others(path: Path) -> bool:
 def named_files(path: Path) -> list[Path]:
     """An input, the model that has its name, and the files that it names, also if it is faulty."""
     table = parse_toml(content_of(path)) if path.suffix == SIDECAR_ENDING else None
-    named = [path.parent / word for word in words_of(table) if "\0" not in word]
-    return [path, path.with_suffix(MODEL_ENDING), *(one for one in named if one.is_file())]
+    named = [path.parent / word for word in words_of(table)]
+    # a text that no file can have as its name, such as a long one, is an error to Path.is_file
+    return [path, path.with_suffix(MODEL_ENDING), *filter(os.path.isfile, named)]
 
 
 def words_of(value: object) -> Iterator[str]:

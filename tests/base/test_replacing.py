@@ -17,6 +17,7 @@ from proofmass.base.files import (
     require_replaceable,
     write_output,
 )
+from proofmass.case.inputs import named_files
 from proofmass.commands.cli import app
 from tests.shipped import shipped
 
@@ -127,6 +128,12 @@ def test_a_faulty_input_is_not_replaced_either(named, given, ending, old, new, c
     printed = invoke("check", given, "--junit", named, "--force")
     assert f"{named}: an input, which no output replaces" in printed
     assert content(case.parent) == before
+
+
+@pytest.mark.parametrize("text", ["A review, " * 40, "a\\u0000b"])
+def test_a_text_that_is_no_name_of_a_file_names_none(text, case):
+    case.write_text(case.read_text() + f'\nnote = "{text}"\n')
+    assert named_files(case) == [case, case.with_suffix(".xml")]
 
 
 @pytest.mark.parametrize("name", ["check --junit", "check --sarif", "schema", "animate"])
