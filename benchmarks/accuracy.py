@@ -32,6 +32,7 @@ from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.sim.engines import format_solver
 from proofmass.studies.record import StudyRow
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import ERROR_MARGIN, Choice, NoGoodSetting, choose
 from proofmass.studies.trade.search import search
@@ -95,7 +96,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     with folders(given.quick, given.folder) as (folder, docs):
         cases = [c for c in sorted(every, key=lambda c: c.name) if has_series(c, None)]
         study = (
-            trade(cases, Store(folder / "runs"), budget=0.01, repeats=1)
+            trade(cases, Study(Store(folder / "runs")), budget=0.01, repeats=1)
             if given.quick
             else measure_cases(cases, folder, None, None, None)
         )
@@ -145,8 +146,7 @@ def refined_rows(
                 case,
                 "position",
                 wanted / ERROR_MARGIN,
-                store,
-                workers,
+                Study(store, workers),
                 engine,
                 limits=Limits(budget=BUDGET),
             )

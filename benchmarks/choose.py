@@ -9,7 +9,7 @@ another was interrupted.
 import subprocess
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from proofmass.commands.choose import (
 from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol.programs import Imposed
 from proofmass.studies.record import Setting
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import ERROR_MARGIN, Choice
 from proofmass.studies.trade.program import (
@@ -35,7 +36,7 @@ from proofmass.studies.trade.program import (
     drive_ways,
     program_text,
 )
-from proofmass.studies.trade.search import search
+from proofmass.studies.trade.search import GIVEN_UP_RATIO, search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import verify
 from proofmass.studies.trade.words import format_setting
@@ -165,13 +166,13 @@ def chosen(case: Case, asked: Asked, store: Store) -> Choice:
             case,
             asked.of,
             asked.error / ERROR_MARGIN,
-            store,
-            workers,
+            Study(store, workers),
             asked.engine,
             limits=Limits(BUDGET),
             cost_ratio=search_cost_ratio(case, asked.drive),
         )
-    check = partial(verify, store=store, longest=BUDGET, drive=asked.drive)
+    study = Study(store, longest=BUDGET)
+    check = partial(verify, study=study, drive=asked.drive)
     return choose_with_drive(
         case,
         "dynamics",
@@ -181,7 +182,7 @@ def chosen(case: Case, asked: Asked, store: Store) -> Choice:
         asked.engine,
         [],
         check,
-        store,
+        replace(study, longest=GIVEN_UP_RATIO * BUDGET),
         Limits(BUDGET),
     )
 

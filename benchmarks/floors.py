@@ -23,6 +23,7 @@ from proofmass.commands.trade import has_series, measure_cases
 from proofmass.reference.reference import compiled_model
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.studies.record import NAN, Setting, StudyRow
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade.floor_cause import ROUNDING_CAUSE, halved_settings
 from proofmass.studies.trade.program import ProgramRun, drive_ways, run_stored_program
@@ -109,7 +110,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         cases = [case for case in every if has_series(case, None)]
         store = Store(folder / "runs")
         study = (
-            trade(cases, store, budget=0.01, repeats=1)
+            trade(cases, Study(store), budget=0.01, repeats=1)
             if given.quick
             else measure_cases(cases, folder, None, None, None)
         )

@@ -31,6 +31,7 @@ from proofmass.run.sidecar import load_case
 from proofmass.sim.engines import engine_of
 from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.scene import load_scene
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import NoGoodSetting, choose, describe_choice, good_settings
 from proofmass.studies.trade.search import search
@@ -127,7 +128,7 @@ def ask_order(folder: Path) -> list[str]:
     """All settings of an engine that a search tries, and the good ones in the order of their
     cost."""
     case, limits = short_pendulum(), Limits()
-    rows = search(case, "position", 5e-4, Store(folder), engine="pymunk", limits=limits)
+    rows = search(case, "position", 5e-4, Study(Store(folder)), engine="pymunk", limits=limits)
     found = [f"{row.series} {row.value} {row.cost} {row.errors}" for row in rows]
     good = good_settings(rows, "position", 1e-3)
     return [*found, limits.words, *(f"{row.series} {row.value}" for row in good)]
@@ -141,7 +142,7 @@ def short_pendulum() -> Case:
 def ask_choice(folder: Path) -> list[str]:
     """The chosen setting of an engine with its evidence, which a program of its own confirms."""
     case, store, limits = short_pendulum(), Store(folder), Limits()
-    rows = search(case, "position", 5e-7, store, engine="mujoco", limits=limits)
+    rows = search(case, "position", 5e-7, Study(store), engine="mujoco", limits=limits)
     tried = [f"{row.series} {row.value} {row.outcome} {row.cost} {row.errors}" for row in rows]
     try:
         choice = choose(
@@ -150,7 +151,7 @@ def ask_choice(folder: Path) -> list[str]:
             rows,
             1e-6,
             engine="mujoco",
-            verify=partial(verify, store=store, longest=limits.longest),
+            verify=partial(verify, study=Study(store, longest=limits.longest)),
             limits=limits,
         )
     except NoGoodSetting as why:
@@ -161,7 +162,7 @@ def ask_choice(folder: Path) -> list[str]:
 def ask_refusal(folder: Path) -> list[str]:
     """The refusal of a search whose budget ends it."""
     case, limits = short_pendulum(), Limits(budget=2e-3)
-    rows = search(case, "position", 5e-8, Store(folder), engine="pymunk", limits=limits)
+    rows = search(case, "position", 5e-8, Study(Store(folder)), engine="pymunk", limits=limits)
     with pytest.raises(NoGoodSetting) as why:
         choose(case, "dynamics", rows, 1e-7, engine="pymunk", limits=limits)
     assert "--budget 2e-3 s" in str(why.value)

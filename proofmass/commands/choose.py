@@ -20,7 +20,7 @@ from proofmass.commands.trade import has_series, measure_cases
 from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol.programs import Imposed
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import run_tasks
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store, package_versions
 from proofmass.studies.trade.choose import (
     ERROR_MARGIN,
@@ -72,39 +72,37 @@ def run_choose(
         limits = Limits(require_seconds("--longest", longest), require_seconds("--budget", budget))
         if not has_series(case, kind):
             raise typer.Exit(1)
-        runs, verdicts, sensitivity = Store(store / "runs"), list[Verdict](), ""
+        study = Study(Store(store / "runs"), longest=GIVEN_UP_RATIO * longest)
+        verdicts, sensitivity = list[Verdict](), ""
         if kind == "dynamics":
             with (
                 pool(jobs, dask) as workers,
                 progress_bar(max_letters=40) as advance,
             ):
-                (motion,) = disturb_motions([case], [kind], runs, workers, GIVEN_UP_RATIO * longest)
+                working = replace(study, workers=workers, progress=advance)
+                (motion,) = disturb_motions([case], [kind], working)
                 case = end_at_horizon(case, kind, motion)  # up to the horizon of a chaotic motion
                 sensitivity = motion.words if motion else ""
                 rows = search(
                     case,
                     error_kind,
                     error / ERROR_MARGIN,
-                    runs,
-                    workers,
+                    working,
                     solver,
                     limits=limits,
                     cost_ratio=search_cost_ratio(case, drive),
-                    progress=advance,
                 )
-            more = list(list_cached_settings(case, kind, rows, runs, solver))
+            more = list(list_cached_settings(case, kind, rows, study.store, solver))
             limits.known, rows = len(more), rows + more
             error_console.print(limits.words, markup=False, highlight=False)
         else:
-            study = measure_cases([case], store, jobs, dask, kind, longest)
-            rows, verdicts = study.rows, study.verdicts
+            measured = measure_cases([case], store, jobs, dask, kind, longest)
+            rows, verdicts = measured.rows, measured.verdicts
         require_error_kind(rows, error_kind)
-        check = partial(
-            verify, store=runs, longest=GIVEN_UP_RATIO * longest, drive=drive, compare=True
-        )
+        check = partial(verify, study=study, drive=drive, compare=True)
         try:
             choice = choose_with_drive(
-                case, kind, rows, error, error_kind, solver, verdicts, check, runs, limits
+                case, kind, rows, error, error_kind, solver, verdicts, check, study, limits
             )
             choice = replace(choice, motion=sensitivity)
         except NoGoodSetting as why:
@@ -198,7 +196,7 @@ def choose_with_drive(
     solver: str,
     verdicts: list[Verdict],
     check: VerifySetting,
-    store: Store,
+    study: Study,
     limits: Limits,
 ) -> Choice:
     """Choose a setting; if the drives of its program are not accurate enough, try finer steps."""
@@ -219,7 +217,7 @@ def choose_with_drive(
                     raise
             refused = [row for row, _ in tried]
             rows = [row for row in rows if row not in refused]
-            rows += run_tasks(tasks, store, timeout=GIVEN_UP_RATIO * limits.longest)
+            rows += study.run(tasks)
             tried.clear()
     raise AssertionError("the last round returns or raises")
 

@@ -13,6 +13,7 @@ from proofmass.commands.command import error_console, exit_on_error, progress_ba
 from proofmass.commands.studies import load_cases, require_seconds
 from proofmass.formats.terminal import make_console, three_digits
 from proofmass.studies import DEFAULT_LONGEST_RUN
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade.orders import is_unexpected
 from proofmass.studies.trade.trade import (
@@ -78,9 +79,7 @@ def measure_cases(
 ) -> Trade:
     """Run `trade` with a progress bar on standard error; then print which motions are chaotic."""
     with pool(jobs, dask) as workers, progress_bar(max_letters=40) as advance:
-        study = trade(
-            cases, Store(folder / "runs"), workers, kind, longest=longest, progress=advance
-        )
+        study = trade(cases, Study(Store(folder / "runs"), workers, longest, advance), kind)
     for case, motion in {v.case: v.motion for v in study.verdicts if v.motion}.items():
         error_console.print(f"{case}: {motion}", markup=False, highlight=False)
     return study

@@ -8,7 +8,7 @@ import pytest
 
 from proofmass.base.errors import InputError
 from proofmass.batch.pool import pool
-from proofmass.studies.run import run_tasks
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from tests.studies.study_tasks import tasks
 
@@ -21,7 +21,7 @@ def results_without_times(store: Store, workers: Executor | None) -> list[tuple]
     """The results of the tasks that do not depend on processor times."""
     return [
         (one.errors, one.invariants, one.steps, one.outcome, len(one.repeats))
-        for one in run_tasks(tasks(), store, workers, repeats=1)
+        for one in Study(store, workers).run(tasks(), repeats=1)
     ]
 
 
@@ -57,4 +57,4 @@ def worker_address_after_pause() -> str:
 def test_bad_input_comes_back_from_a_cluster(tmp_path, address):
     wrong = replace(tasks()[0], setting=tasks()[0].setting.with_parameters(integrator="Simpson"))
     with pytest.raises(InputError, match="known: euler"), pool(dask=address) as cluster:
-        run_tasks([wrong], Store(tmp_path), cluster)
+        Study(Store(tmp_path), cluster).run([wrong])

@@ -21,10 +21,10 @@ from proofmass.studies import run as runs
 from proofmass.studies.measure import Measurement, relative_errors
 from proofmass.studies.record import NAN, Setting, StudyRow, read_table
 from proofmass.studies.run import (
+    Study,
     has_shared_reference,
     make_row,
     reference_file,
-    run_tasks,
 )
 from proofmass.studies.store import Store
 from tests.shipped import shipped
@@ -34,14 +34,14 @@ STUDY_SCRIPT = """
 import sys
 from pathlib import Path
 from proofmass.batch.pool import pool
-from proofmass.studies.run import run_tasks
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.record import write_table
 from tests.studies.study_tasks import tasks
 
 folder = Path(sys.argv[1])
 with pool(jobs=2) as workers:
-    rows = run_tasks(tasks()[:int(sys.argv[2])], Store(folder), workers, repeats=1)
+    rows = Study(Store(folder), workers).run(tasks()[:int(sys.argv[2])], repeats=1)
 write_table(rows, folder / "trade.csv")
 """
 TWO_TASKS = tasks()[:2]
@@ -87,14 +87,14 @@ def test_only_the_named_tasks_are_repeated_and_the_others_keep_their_first_timin
     tmp_path, replace_runs
 ):
     replace_runs(0.05, 0.09, 0.07, 0.06)
-    rows = run_tasks(TWO_TASKS, Store(tmp_path), ImmediateExecutor(), repeats=2, repeated=[1])
+    rows = Study(Store(tmp_path), ImmediateExecutor()).run(TWO_TASKS, repeats=2, repeated=[1])
     assert [row.repeats for row in rows] == [(0.05,), (0.09, 0.07, 0.06)]
 
 
 def test_all_tasks_are_run_once_before_any_is_run_again(tmp_path, replace_runs):
     replace_runs(*[0.05] * 6)
     workers = ImmediateExecutor()
-    run_tasks(TWO_TASKS, Store(tmp_path), workers, repeats=2, timeout=7.0)
+    Study(Store(tmp_path), workers, longest=7.0).run(TWO_TASKS, repeats=2)
     assert [(task.value, again) for task, again, _ in workers.calls] == [
         (step, again) for again in (False, True, True) for step in (0.01, 0.005)
     ]
@@ -103,20 +103,20 @@ def test_all_tasks_are_run_once_before_any_is_run_again(tmp_path, replace_runs):
 
 def test_seconds_are_the_least_of_all_runs(tmp_path, replace_runs):
     replace_runs(0.06, 0.05, 0.03, 0.04)
-    (one,) = run_tasks(TWO_TASKS[:1], Store(tmp_path), ImmediateExecutor(), repeats=3)
+    (one,) = Study(Store(tmp_path), ImmediateExecutor()).run(TWO_TASKS[:1], repeats=3)
     assert (one.seconds, one.repeats) == (0.03, (0.06, 0.05, 0.03, 0.04))
 
 
 def test_a_long_run_is_repeated_less_often(tmp_path, replace_runs):
     replace_runs(0.3, 0.5)
-    (one,) = run_tasks(TWO_TASKS[:1], Store(tmp_path), ImmediateExecutor(), repeats=3)
+    (one,) = Study(Store(tmp_path), ImmediateExecutor()).run(TWO_TASKS[:1], repeats=3)
     assert (one.seconds, one.repeats) == (0.3, (0.3, 0.5))
 
 
 def test_a_run_longer_than_the_limit_is_not_repeated(tmp_path, replace_runs):
     replace_runs(3.0, 1.9, 1.8)
-    long, short = run_tasks(
-        TWO_TASKS, Store(tmp_path), ImmediateExecutor(), repeats=2, longest_repeated=2.0
+    long, short = Study(Store(tmp_path), ImmediateExecutor()).run(
+        TWO_TASKS, repeats=2, longest_repeated=2.0
     )
     assert long.repeats == (3.0,)
     assert short.repeats == (1.9, 1.8)
@@ -124,7 +124,7 @@ def test_a_run_longer_than_the_limit_is_not_repeated(tmp_path, replace_runs):
 
 def test_without_repeats_nothing_is_timed(tmp_path, replace_runs):
     replace_runs(0.1)
-    (one,) = run_tasks(TWO_TASKS[:1], Store(tmp_path), ImmediateExecutor(), repeats=0)
+    (one,) = Study(Store(tmp_path), ImmediateExecutor()).run(TWO_TASKS[:1], repeats=0)
     assert (one.seconds, one.repeats) == (0.1, ())
 
 
@@ -132,7 +132,7 @@ def test_equal_runs_are_made_once_and_have_separate_rows(tmp_path, replace_runs)
     replace_runs(0.1)
     twin = replace(TWO_TASKS[0], series="another", varied="integrator", value=NAN)
     workers = ImmediateExecutor()
-    rows = run_tasks([TWO_TASKS[0], twin], Store(tmp_path), workers, repeats=0)
+    rows = Study(Store(tmp_path), workers).run([TWO_TASKS[0], twin], repeats=0)
     assert len(workers.calls) == 1
     assert [(one.series, one.varied) for one in rows] == [
         ("mujoco Euler", "timestep"),
@@ -142,10 +142,10 @@ def test_equal_runs_are_made_once_and_have_separate_rows(tmp_path, replace_runs)
 
 def test_stored_runs_are_not_repeated_and_count_as_done(tmp_path, replace_runs):
     replace_runs(*[0.1] * 5)
-    first = run_tasks(TWO_TASKS[:1], Store(tmp_path), ImmediateExecutor(), repeats=1)
+    first = Study(Store(tmp_path), ImmediateExecutor()).run(TWO_TASKS[:1], repeats=1)
     seen, workers = [], ImmediateExecutor()
-    rows = run_tasks(
-        TWO_TASKS, Store(tmp_path), workers, repeats=1, progress=lambda *told: seen.append(told)
+    rows = Study(Store(tmp_path), workers, progress=lambda *told: seen.append(told)).run(
+        TWO_TASKS, repeats=1
     )
     assert rows[:1] == first
     assert [(task.value, again) for task, again, _ in workers.calls] == [
@@ -154,13 +154,13 @@ def test_stored_runs_are_not_repeated_and_count_as_done(tmp_path, replace_runs):
     ]
     assert seen[-1][1:] == (4, 4)
     assert (
-        run_tasks(TWO_TASKS, Store(tmp_path), ImmediateExecutor(), repeats=1) == rows
+        Study(Store(tmp_path), ImmediateExecutor()).run(TWO_TASKS, repeats=1) == rows
     )  # none is left to take
 
 
 def test_stored_curves_give_the_same_errors(tmp_path):
     store = Store(tmp_path)
-    for one, task in zip(run_tasks(TWO_TASKS, store, repeats=0), TWO_TASKS, strict=True):
+    for one, task in zip(Study(store).run(TWO_TASKS, repeats=0), TWO_TASKS, strict=True):
         kept = store.curves(one.key)
         curves = Curves(
             kept["x"],
@@ -180,7 +180,7 @@ def test_the_reference_of_a_free_motion_is_not_timed_with_a_run(tmp_path, monkey
     monkeypatch.setattr(measure, "call_isolated", isolated)
     plain = [measure.measure_task(task, False, 9.0).errors for task in TWO_TASKS]
     limits.clear()
-    rows = run_tasks(TWO_TASKS, Store(tmp_path), ImmediateExecutor(), repeats=0, timeout=9.0)
+    rows = Study(Store(tmp_path), ImmediateExecutor(), longest=9.0).run(TWO_TASKS, repeats=0)
     assert [row.errors for row in rows] == plain
     assert limits == [
         ("write_reference", measure.REFERENCE_TIMEOUT),
@@ -191,7 +191,7 @@ def test_the_reference_of_a_free_motion_is_not_timed_with_a_run(tmp_path, monkey
     monkeypatch.setattr(measure, "reference_cache", {})
     monkeypatch.setattr(measure, "reference_for", None)
     third = tasks()[2]
-    assert run_tasks([third], Store(tmp_path), ImmediateExecutor(), repeats=0)[0].outcome == "ran"
+    assert Study(Store(tmp_path), ImmediateExecutor()).run([third], repeats=0)[0].outcome == "ran"
     assert reference_file(replace(third, setting=Setting("pymunk", {})), Store(tmp_path)) == file
     driven = replace(third, case=load_case(shipped("fourbar.toml")))
     assert reference_file(driven, Store(tmp_path)) is None
@@ -204,7 +204,7 @@ def test_failed_runs_keep_their_row_and_are_not_timed(tmp_path, monkeypatch):
         "measure_task",
         lambda task, again, timeout: measurement(0.01) if task.value == 0.005 else failed,
     )
-    bad, good = run_tasks(TWO_TASKS, Store(tmp_path), ImmediateExecutor(), repeats=2)
+    bad, good = Study(Store(tmp_path), ImmediateExecutor()).run(TWO_TASKS, repeats=2)
     assert (bad.outcome, bad.message) == ("diverged", "failed at 1 s")
     assert (bad.errors, bad.repeats) == ({}, ())
     assert (good.outcome, len(good.repeats)) == ("ran", 3)
@@ -230,7 +230,7 @@ def test_an_interrupt_keeps_finished_runs(tmp_path, replace_runs):
 
     replace_runs(*[0.1] * 5)
     with pytest.raises(KeyboardInterrupt):
-        run_tasks(tasks()[:5], Store(tmp_path), ImmediateExecutor(), repeats=0, progress=stop)
+        Study(Store(tmp_path), ImmediateExecutor(), progress=stop).run(tasks()[:5], repeats=0)
     assert len(list(tmp_path.glob("*.json"))) == 3
 
 
@@ -239,7 +239,7 @@ def test_bad_input_ends_a_study(tmp_path):
         TWO_TASKS[0], setting=TWO_TASKS[0].setting.with_parameters(integrator="Simpson")
     )
     with pool(1) as workers, pytest.raises(InputError, match=r"known: euler, .*'Simpson'"):
-        run_tasks([wrong], Store(tmp_path), workers)
+        Study(Store(tmp_path), workers).run([wrong])
 
 
 def test_an_unreachable_cluster_is_reported_in_one_line(monkeypatch):
@@ -341,7 +341,7 @@ def test_an_interrupt_from_the_keyboard_stores_no_crash(tmp_path):
 def test_parallel_and_sequential_runs_have_the_same_results(tmp_path):
     def rows(jobs: int) -> list[StudyRow]:
         with ThreadPoolExecutor(jobs) as workers:
-            return run_tasks(tasks(), Store(tmp_path / str(jobs)), workers, repeats=0)
+            return Study(Store(tmp_path / str(jobs)), workers).run(tasks(), repeats=0)
 
     one, two = ([(r.errors, r.invariants, r.steps, r.outcome) for r in rows(n)] for n in (1, 2))
     assert one == two

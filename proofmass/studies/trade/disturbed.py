@@ -10,7 +10,6 @@ Errors are therefore judged only until then, the horizon.
 """
 
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -36,6 +35,7 @@ from proofmass.studies.measure import (
     simulate_task,
 )
 from proofmass.studies.record import KIND_UNITS, NAN
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store, digest, read_or_make, task_key
 from proofmass.studies.trade.varied import own_settings_series
 from proofmass.studies.variants import multiply_attribute, with_model
@@ -304,11 +304,14 @@ def largest_distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Arr
 
 
 def disturb_motions(
-    cases: list[Case], kinds: list[Kind], store: Store, workers: Executor, timeout: float
+    cases: list[Case], kinds: list[Kind], study: Study
 ) -> list[DisturbedMotion | None]:
     """Call `disturb_motion` for many cases in parallel, in workers here or of a cluster."""
-    futures = [
-        workers.submit(disturb_motion, case, kind, store, timeout)
-        for case, kind in zip(cases, kinds, strict=True)
-    ]
-    return [future.result() for future in futures]
+    with study.working() as workers:
+        futures = [
+            workers.submit(
+                disturb_motion, case, kind, study.store, study.longest or case.run[kind].timeout
+            )
+            for case, kind in zip(cases, kinds, strict=True)
+        ]
+        return [future.result() for future in futures]

@@ -12,9 +12,8 @@ every machine; measured times are information.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from math import inf, isclose, isfinite
 
@@ -33,10 +32,9 @@ from proofmass.studies.measure import StudyRun, cached_reference
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import (
     LONG_RUN_SECONDS,
-    Progress,
+    Study,
     has_shared_reference,
     reference_file,
-    run_tasks,
 )
 from proofmass.studies.store import Store, read_or_make, task_key
 from proofmass.studies.trade.series import (
@@ -272,14 +270,12 @@ def search(
     case: Case,
     error_kind: str,
     needed: float,
-    store: Store,
-    workers: Executor | None = None,
+    study: Study,
     engine: str = "",
     *,
     limits: Limits | None = None,
     cost_ratio: float = COST_RATIO,
     repeats: int = TIMING_REPEATS,
-    progress: Progress = lambda *_: None,
 ) -> list[StudyRow]:
     """Measure settings of dynamics until the cheapest one that is good enough is known.
 
@@ -289,10 +285,8 @@ def search(
         A case with a dynamics run.
     error_kind, needed : str, float
         Kind of error, and the largest that is good enough, as a share of the reference's range [1].
-    store : Store
-        Where every finished run is saved at once.
-    workers : Executor, optional
-        From `proofmass.studies.run.pool`; threads of this machine if not given.
+    study : Study
+        Where runs are kept, and who makes them; their limit of time follows from `limits`.
     engine : str, optional
         The only engine to search.
     limits : Limits, optional
@@ -303,8 +297,6 @@ def search(
         of the cheapest setting that is good enough so far [1].
     repeats : int
         Number of repeats, for their times, of each of the cheapest settings.
-    progress : callable
-        Called as ``progress(label, done, total)`` after each run.
 
     Returns
     -------
@@ -313,9 +305,8 @@ def search(
     """
     found, limits = list(list_families(case, engine)), limits or Limits()
     longest = limits.longest
-    timeout = GIVEN_UP_RATIO * longest + REFERENCE_TIME_FACTOR * cached_reference_seconds(
-        case, store
-    )
+    reference_time = REFERENCE_TIME_FACTOR * cached_reference_seconds(case, study.store)
+    study = replace(study, longest=GIVEN_UP_RATIO * longest + reference_time)
     while tasks := [
         task
         for family in found
@@ -328,14 +319,7 @@ def search(
         if limits.short:
             break
         limits.settings += len(tasks)
-        rows = run_tasks(
-            [task for _, task in tasks],
-            store,
-            workers,
-            repeats=0,
-            timeout=timeout,
-            progress=progress,
-        )
+        rows = study.run([task for _, task in tasks], repeats=0)
         for (family, _), row in zip(tasks, rows, strict=True):
             family.rows.append(row)
             failed = longest if row.outcome == Outcome.TIMED_OUT else 0.0
@@ -378,7 +362,7 @@ def search(
         )
         for row in timed
     ]
-    again = run_tasks(tasks_, store, workers, repeats=repeats, timeout=timeout, progress=progress)
+    again = study.run(tasks_, repeats=repeats)
     places = {id(row): k for k, row in enumerate(timed)}
     return [again[places[id(row)]] if id(row) in places else row for row in rows]
 

@@ -1,7 +1,7 @@
 """The study ``trade``: orders and error floors of convergence series, and what accuracy costs.
 
-    study = trade([load_case("models/linkages/fourbar.toml")], Store(folder / "runs"), workers)
-    write_study(study, folder)
+    study = Study(Store(folder / "runs"), workers)
+    write_study(trade([load_case("models/linkages/fourbar.toml")], study), folder)
 
 Free motions are disturbed first: errors of chaotic ones are judged up to the horizon of the
 trajectory. Then every convergence series is refined until its errors fall no further; each setting
@@ -15,11 +15,9 @@ the first of them only.
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import product
-from math import inf, isclose, isnan, nan
+from math import inf, isnan, nan
 from pathlib import Path
 
 from proofmass.base.errors import InputError
@@ -27,21 +25,18 @@ from proofmass.base.files import write_output
 from proofmass.base.grouping import group_by
 from proofmass.base.strict import Kind
 from proofmass.base.wording import number
-from proofmass.batch.pool import pool
 from proofmass.case.case import Case
 from proofmass.reference.reference import compiled_model
 from proofmass.run.solve import MAX_FORCE_EVALUATIONS
 from proofmass.sim.protocol.settings import first_number
-from proofmass.sim.protocol.tuning import Perturbation
 from proofmass.studies import DEFAULT_LONGEST_RUN
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import KIND_UNITS, NAN, Setting, StudyRow, write_table
-from proofmass.studies.run import LONG_RUN_SECONDS, Progress, run_tasks
-from proofmass.studies.store import Store
+from proofmass.studies.run import LONG_RUN_SECONDS, Study
+from proofmass.studies.trade.case_series import CaseSeries, MeasuredSetting
 from proofmass.studies.trade.choose import is_default
 from proofmass.studies.trade.disturbed import (
     ROUNDING_CAUSE_SHARE,
-    DisturbedMotion,
     disturb_motions,
     end_at_horizon,
     measure_rounding,
@@ -49,22 +44,15 @@ from proofmass.studies.trade.disturbed import (
 from proofmass.studies.trade.floor_cause import (
     ROUNDING_CAUSE,
     UNKNOWN_CAUSE,
-    find_cause,
     format_factor,
     halved_settings,
     list_perturbations,
 )
-from proofmass.studies.trade.orders import expected_orders, is_unexpected, nearest_order
 from proofmass.studies.trade.search import LONG_RUN_COST_RATIO
 from proofmass.studies.trade.series import (
     MeasuredSeries,
-    find_flat_point,
-    find_least_error,
-    is_floor,
-    observed_order,
-    points_before_slowdown,
 )
-from proofmass.studies.trade.varied import ConvergenceSeries, list_series
+from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict, comparable_settings
 from proofmass.studies.trade.words import (
     format_end,
@@ -79,13 +67,6 @@ SERIES_BUDGET = 0.5
 FRONT_REPEATS = 2  # repeats, for their times, of each setting that may be on the Pareto front
 FRONT_COST_RATIO = 1.5
 """Ratio of the cost of short runs to the cheapest; counted costs cannot rank smaller ratios."""
-SAME_FLOOR_TOLERANCE = 0.01
-"""Relative difference of errors of two settings of a case and engine that are at one floor."""
-SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
-PerturbedRows = dict[SeriesPlace, list[tuple[Perturbation, StudyRow]]]
-HalvedRows = dict[SeriesPlace, list[StudyRow]]
-Leaders = dict[SeriesPlace, SeriesPlace]
-"""For each setting at a floor the first setting at the same floor, in which causes are changed."""
 
 
 @dataclass(frozen=True)
@@ -101,167 +82,75 @@ class Trade:
     cases: list[Case] = field(default_factory=list)
 
 
-@dataclass
-class CaseSeries:
-    """A convergence series of one run of a case, with the rows measured so far."""
-
-    case: Case
-    run: Kind
-    measured: MeasuredSeries
-    motion: DisturbedMotion | None = None
-
-    @property
-    def series(self) -> ConvergenceSeries:
-        """The convergence series that is measured."""
-        return self.measured.series
-
-    def orders(self, kind: str) -> tuple[float, float]:
-        """The observed and the expected order of a kind of error; NaN where none is expected."""
-        if not (expected_ones := expected_orders(self.case, self.run, self.series, kind)):
-            return nan, nan
-        observed_one = observed_order(self.measured.points(kind))
-        return observed_one, nearest_order(expected_ones, observed_one)
-
-    def floors(self) -> dict[str, int]:
-        """For each kind of error that may be at a floor the number of the setting to examine.
-
-        One setting is examined for all these kinds: the finest one that any of them needs.
-        """
-        found = {
-            kind: self.measured.place(points[k][0])
-            for kind in self.measured.kinds
-            for points in (self.measured.points(kind),)
-            if (k := find_flat_point(points)) is not None
-        }
-        last = max(found.values(), default=0)
-        return dict.fromkeys(found, last)
-
-    def rising_kinds(self) -> dict[str, int]:
-        """Number of the finest setting, for each kind of error that grows at the series' end."""
-        return {
-            kind: self.measured.place(points[-1][0])
-            for kind in self.measured.kinds
-            for points in (self.measured.points(kind),)
-            if find_least_error(points) is not None
-        }
-
-    def unexpected_order_setting(self, kind: str) -> int | None:
-        """Number of the finest setting before a floor if the order is not as expected, or None."""
-        return (
-            self.measured.place(points_before_slowdown(self.measured.points(kind))[-1][0])
-            if is_unexpected(*self.orders(kind))
-            else None
-        )
-
-    def task(self, k: int) -> StudyRun:
-        """The run of setting number k."""
-        setting = self.series.settings[k]
-        return StudyRun(
-            self.case,
-            self.run,
-            setting,
-            "trade",
-            self.series.name,
-            self.series.varied,
-            first_number(setting.parameters[self.series.varied]),
-            key=self.measured.rows[k].key if k < len(self.measured.rows) else "",
-        )
-
-    def row(self, size: float) -> StudyRow:
-        """The row of the setting with a size."""
-        return self.measured.rows[self.measured.place(size)]
-
-
 def trade(
     cases: Iterable[Case],
-    store: Store,
-    workers: Executor | None = None,
+    study: Study,
     kind: Kind | None = None,
     *,
     budget: float = SERIES_BUDGET,
-    longest: float = DEFAULT_LONGEST_RUN,
     repeats: int = FRONT_REPEATS,
-    progress: Progress = lambda *_: None,
 ) -> Trade:
     """Measure errors and processor times of all convergence series of cases, and judge the series.
 
     Parameters
     ----------
     cases : iterable of Case
-    store : Store
-        Store of finished runs.
-    workers : Executor, optional
-        See `proofmass.studies.run.pool`.
+    study : Study
+        Where runs are kept, who makes them, and how long they may take; the total of its
+        ``progress(label, done, total)`` grows with the series.
     kind : {"sweep", "dynamics", "equilibrium"}, optional
         Which run of the cases; if not given, the first of dynamics, equilibrium and sweep that a
         case has.
     budget : float
         Processor time of a run after which its series ends [s].
-    longest : float
-        Processor time after which a run is given up [s].
     repeats : int
         Number of repeats, for processor times, of each setting that may be on the Pareto front.
-    progress : callable
-        Called as ``progress(label, done, total)``; the total grows with the series.
 
     Raises
     ------
     InputError
         A case has no such run, or its model has an error.
     """
-    with nullcontext(workers) if workers else pool() as executor:
+    with study.working() as workers:
+        study = replace(study, workers=workers, longest=study.longest or DEFAULT_LONGEST_RUN)
         cases = list(cases)
         kinds = [kind_to_study(case, kind) for case in cases]
-        motions = disturb_motions(cases, kinds, store, executor, longest)
+        motions = disturb_motions(cases, kinds, study)
         cases = [end_at_horizon(*each) for each in zip(cases, kinds, motions, strict=True)]
         all_series = [
             CaseSeries(case, which, MeasuredSeries(series), motion)
             for case, which, motion in zip(cases, kinds, motions, strict=True)
             for series in list_series(case, which)
         ]
-        while batch := [one for one in all_series if not one.measured.done(budget)]:
-            rows = run_tasks(
-                [one.task(len(one.measured.rows)) for one in batch],
-                store,
-                executor,
-                repeats=0,
-                timeout=longest,
-                progress=progress,
-            )
-            for one, row in zip(batch, rows, strict=True):
-                one.measured.rows.append(row)
-        rows = [row for one in all_series for row in one.measured.rows]
-        rows = run_tasks(
-            [one.task(k) for one in all_series for k in range(len(one.measured.rows))],
-            store,
-            executor,
-            repeats=repeats,
-            repeated={k for k, row in enumerate(rows) if is_default(row)}.union(
-                find_near_front(rows)
-            ),
-            longest_repeated=budget,
-            timeout=longest,
-            progress=progress,
-        )
-        finer = halve_steps(all_series, store, executor, longest, progress)
-        leaders = find_leaders(all_series, finer)
-        perturbed = perturb_causes(all_series, leaders, store, executor, longest, progress)
-        disturbed = measure_roundings(
-            all_series, leaders, finer, perturbed, store, executor, longest
-        )
-        return Trade(
-            rows,
-            [
-                *(row for found in finer.values() for row in found if row.study == "floor"),
-                *(row for found in perturbed.values() for _, row in found),
-            ],
-            [
-                judge_series(all_series, error, n, leaders, finer, perturbed, disturbed, budget)
-                for n, one in enumerate(all_series)
-                for error in one.measured.kinds
-            ],
-            cases,
-        )
+        refine_series(all_series, study, budget)
+        rows = time_settings(all_series, study, budget, repeats)
+        examining_rows = examine_floors(all_series, study)
+        verdicts = [
+            judge_series(one, error, budget) for one in all_series for error in one.measured.kinds
+        ]
+        return Trade(rows, examining_rows, verdicts, cases)
+
+
+def refine_series(all_series: Sequence[CaseSeries], study: Study, budget: float) -> None:
+    """Run the next setting of each series that has not ended, until all have ended."""
+    while batch := [one for one in all_series if not one.measured.done(budget)]:
+        rows = study.run([one.task(len(one.measured.rows)) for one in batch], repeats=0)
+        for one, row in zip(batch, rows, strict=True):
+            one.measured.rows.append(row)
+
+
+def time_settings(
+    all_series: Sequence[CaseSeries], study: Study, budget: float, repeats: int
+) -> list[StudyRow]:
+    """Run the settings again that may be on the Pareto front, and the defaults, for their times."""
+    rows = [row for one in all_series for row in one.measured.rows]
+    defaults = {k for k, row in enumerate(rows) if is_default(row)}
+    return study.run(
+        [one.task(k) for one in all_series for k in range(len(one.measured.rows))],
+        repeats=repeats,
+        repeated=defaults.union(find_near_front(rows)),
+        longest_repeated=budget,
+    )
 
 
 def find_near_front(rows: Sequence[StudyRow]) -> list[int]:
@@ -303,251 +192,163 @@ def kind_to_study(case: Case, kind: Kind | None) -> Kind:
     raise case.error(f"run.{kind}", f"there is no such run; there are: {', '.join(case.run)}")
 
 
-def find_leaders(all_series: Sequence[CaseSeries], finer: HalvedRows) -> Leaders:
-    """For each setting at a floor, unchanged by halvings, the first setting at the same floor.
-
-    Two settings of a case and engine are at the same floor if all kinds of errors that are at a
-    floor in the later one are so in the first one too, and are equal there up to
-    `SAME_FLOOR_TOLERANCE`.
-    """
-    kinds = {(n, k): kinds_at_floor(all_series[n], k, rows) for (n, k), rows in finer.items()}
-    found: Leaders = {}
-    for n, k in filter(kinds.__getitem__, kinds):
-        own = all_series[n].measured.rows[k].errors
-        found[n, k] = next(
-            (
-                (m, j)
-                for (m, j), first in found.items()
-                if (m, j) == first
-                for other in (all_series[m],)
-                if other.case is all_series[n].case
-                and other.series.engine == all_series[n].series.engine
-                and kinds[n, k] <= kinds[m, j]
-                and all(
-                    isclose(
-                        own[kind], other.measured.rows[j].errors[kind], rel_tol=SAME_FLOOR_TOLERANCE
-                    )
-                    for kind in kinds[n, k]
-                )
-            ),
-            (n, k),
-        )
-    return found
+def examine_floors(all_series: Sequence[CaseSeries], study: Study) -> list[StudyRow]:
+    """Make the further runs that show floors and their causes; their rows, for the table."""
+    halved = halve_steps(all_series, study)
+    find_leaders([setting for one in all_series for setting in one.at_floors()])
+    perturbed = perturb_causes(all_series, study)
+    measure_roundings(all_series, study)
+    return [*halved, *perturbed]
 
 
-def halve_steps(
-    all_series: list[CaseSeries],
-    store: Store,
-    workers: Executor,
-    longest: float,
-    progress: Progress,
-) -> HalvedRows:
-    """Rows with half and a quarter of the step, for all settings that may be at a floor."""
-    places = [
-        (n, k) for n, one in enumerate(all_series) for k in dict.fromkeys(one.floors().values())
-    ]
-    found: HalvedRows = {place: [] for place in places}
+def halve_steps(all_series: Iterable[CaseSeries], study: Study) -> list[StudyRow]:
+    """Run all settings that may be at a floor with half and a quarter of their steps; the rows."""
     asked = [
-        ((n, k), setting)
-        for n, k in places
-        for one in (all_series[n],)
+        (one, setting)
+        for series in all_series
+        for one in series.at_floors()
         for setting in halved_settings(
-            one.run,
-            one.series,
-            one.series.settings[k],
-            float(compiled_model(one.case).opt.timestep),
+            series.run,
+            series.series,
+            one.setting,
+            float(compiled_model(series.case).opt.timestep),
         )
     ]
     tasks = [
         StudyRun(
-            one.case,
-            one.run,
+            one.of.case,
+            one.of.run,
             setting,
             "floor",
-            one.series.name,
+            one.of.series.name,
             "halved",
-            first_number(setting.parameters["timestep" if one.run == "dynamics" else "segments"]),
+            first_number(
+                setting.parameters["timestep" if one.of.run == "dynamics" else "segments"]
+            ),
             timed=False,
         )
-        for (n, _), setting in asked
-        for one in (all_series[n],)
+        for one, setting in asked
     ]
-    for (place, _), row in zip(
-        asked,
-        run_tasks(tasks, store, workers, repeats=0, timeout=longest, progress=progress),
-        strict=True,
-    ):
-        found[place].append(row)
-    return found
+    rows = study.run(tasks, repeats=0)
+    for (one, _), row in zip(asked, rows, strict=True):
+        one.halved.append(row)
+    return rows
 
 
-def is_left_by_halvings(one: CaseSeries, k: int, kind: str, finer: Sequence[StudyRow]) -> bool:
-    """Whether two halvings leave the error of setting number k, and it is asymptotic."""
-    rows = [one.measured.rows[k], *finer]
-    return is_floor([row.errors.get(kind, NAN) for row in rows if row.outcome == Outcome.RAN])
+def find_leaders(settings: Iterable[MeasuredSetting]) -> None:
+    """Find the leader of each setting at a floor: the first setting at the same floor.
+
+    The causes of a floor are then changed once, and not in each of its settings.
+    """
+    leaders = list[MeasuredSetting]()
+    for setting in settings:
+        if setting.kinds_at_floor:
+            setting.leader = next((one for one in leaders if one.leads(setting)), setting)
+            if setting.leader is setting:
+                leaders.append(setting)
 
 
-def kinds_at_floor(one: CaseSeries, k: int, finer: Sequence[StudyRow]) -> set[str]:
-    """The kinds of errors of setting number k that are unchanged by two halvings of the step."""
-    return {
-        kind
-        for kind, at in one.floors().items()
-        if at == k and is_left_by_halvings(one, k, kind, finer)
-    }
-
-
-def perturb_causes(
-    all_series: list[CaseSeries],
-    leaders: Leaders,
-    store: Store,
-    workers: Executor,
-    longest: float,
-    progress: Progress,
-) -> PerturbedRows:
+def perturb_causes(all_series: Sequence[CaseSeries], study: Study) -> list[StudyRow]:
     """Run each change of a possible cause at floors, and where an order is not the expected one.
 
     Among settings at the same floor the causes are changed in the first one.
     """
-    places = dict.fromkeys(
-        list(leaders.values())
-        + [
-            (n, k)
-            for n, one in enumerate(all_series)
-            for kind in one.measured.kinds
-            if (k := one.unexpected_order_setting(kind)) is not None
-        ]
-    )
+    unexpected = [
+        one.setting(k)
+        for one in all_series
+        for kind in one.measured.kinds
+        if (k := one.unexpected_order_setting(kind)) is not None
+    ]
     asked = [
-        (place, case, perturbation)
-        for place in places
-        for one in (all_series[place[0]],)
+        (setting, case, perturbation)
+        for setting in dict.fromkeys([*floor_leaders(all_series), *unexpected])
         for case, perturbation in list_perturbations(
-            one.case,
-            one.run,
-            one.series.settings[place[1]],
-            store.folder / "models",
-            one.series.scaled,
+            setting.of.case,
+            setting.of.run,
+            setting.setting,
+            study.models,
+            setting.of.series.scaled,
         )
     ]
     tasks = [
         StudyRun(
             case,
-            all_series[n].run,
-            Setting(all_series[n].series.engine, one.parameters),
+            setting.of.run,
+            Setting(setting.of.series.engine, one.parameters),
             "floor",
-            all_series[n].series.name,
+            setting.of.series.name,
             one.cause,
             timed=False,
         )
-        for (n, _), case, one in asked
+        for setting, case, one in asked
     ]
-    rows = run_tasks(tasks, store, workers, repeats=0, timeout=longest, progress=progress)
-    found: PerturbedRows = {place: [] for place in places}
-    for (place, _, perturbation), row in zip(asked, rows, strict=True):
-        found[place].append((perturbation, row))
-    return found
+    rows = study.run(tasks, repeats=0)
+    for (setting, _, perturbation), row in zip(asked, rows, strict=True):
+        setting.perturbed.append((perturbation, row))
+    return rows
 
 
-def measure_roundings(
-    all_series: list[CaseSeries],
-    leaders: Leaders,
-    finer: HalvedRows,
-    perturbed: PerturbedRows,
-    store: Store,
-    workers: Executor,
-    longest: float,
-) -> dict[SeriesPlace, dict[str, float]]:
+def floor_leaders(all_series: Iterable[CaseSeries]) -> list[MeasuredSetting]:
+    """The settings that lead others at a floor, or are alone at one."""
+    examined = [setting for one in all_series for setting in one.examined.values()]
+    return list(dict.fromkeys(one.leader for one in examined if one.leader))
+
+
+def measure_roundings(all_series: Iterable[CaseSeries], study: Study) -> None:
     """Measure how far roundings move the results whose errors may be due to rounding.
 
     These are the results whose errors grow as the step becomes shorter, and those at a floor that
     no other cause explains.
     """
-    places = {
-        (n, k)
-        for n, one in enumerate(all_series)
-        if one.run == "dynamics"
-        for k in one.rising_kinds().values()
-    }
-    places |= {
-        (n, k)
-        for n, k in leaders.values()
-        for one in (all_series[n],)
-        if one.run == "dynamics"
-        for kind in kinds_at_floor(one, k, finer[n, k])
-        if find_cause(one.measured.rows[k].errors[kind], perturbed[n, k], kind, True)[0]
-        == UNKNOWN_CAUSE
-    }
-    futures = {
-        place: workers.submit(measure_rounding, all_series[place[0]].task(place[1]), store, longest)
-        for place in sorted(places)
-    }
-    return {place: future.result() for place, future in futures.items()}
+    in_time = [one for one in all_series if one.run == "dynamics"]
+    rising = [one.setting(k) for one in in_time for k in one.rising_kinds().values()]
+    unexplained = [
+        setting
+        for setting in floor_leaders(in_time)
+        for kind in setting.kinds_at_floor
+        if setting.cause_of(kind, at_floor=True)[0] == UNKNOWN_CAUSE
+    ]
+    with study.working() as workers:
+        futures = {
+            setting: workers.submit(measure_rounding, task, study.store, study.limit(task))
+            for setting in dict.fromkeys([*rising, *unexplained])
+            for task in (setting.of.task(setting.k),)
+        }
+        for setting, future in futures.items():
+            setting.disturbed = future.result()
 
 
-def judge_series(
-    all_series: Sequence[CaseSeries],
-    kind: str,
-    n: int,
-    leaders: Leaders,
-    finer: HalvedRows,
-    perturbed: PerturbedRows,
-    disturbed: Mapping[SeriesPlace, Mapping[str, float]],
-    budget: float,
-) -> Verdict:
+def judge_series(one: CaseSeries, kind: str, budget: float) -> Verdict:
     """Judge a series in one kind of error: order, error floor, or how far it came without a floor.
 
     Parameters
     ----------
-    all_series, kind : sequence of CaseSeries, str
-        All series of the study, and the kind of error.
-    n : int
-        Number of the series; the first part of each key of the mappings.
-    leaders : mapping of SeriesPlace to SeriesPlace
-        For each setting at a floor the setting in which causes were changed.
-    finer, perturbed : mapping of SeriesPlace to list
-        Rows with half and a quarter of the step, and with each possible cause changed, by setting.
-    disturbed : mapping of SeriesPlace to mapping of str to float
-        For each setting how far roundings move the result, by kind of error, as a share of the
-        range [1].
+    one : CaseSeries
+        The series, with the settings that were examined in further runs.
+    kind : str
+        The kind of error.
     budget : float
         Processor time of a run after which its series ends [s].
     """
-    one = all_series[n]
-    rows, unexpected = one.measured.rows, one.unexpected_order_setting(kind)
+    unexpected = one.unexpected_order_setting(kind)
     why = cause = evidence = ""
     floor = NAN
     if (k := one.floors().get(kind)) is not None:
-        first = finer[n, k][0]
-        half = first.errors.get(kind, NAN) if first.outcome == Outcome.RAN else NAN
-        refinement = "halving the step" if one.run == "dynamics" else "twice as many segments"
-        why = (
-            f"{refinement} {format_factor(rows[k].errors[kind] / half)}"
-            if half > 0
-            else f"{refinement}: {first.outcome}"
-        )
-        if is_left_by_halvings(one, k, kind, finer[n, k]):
-            place = leaders[n, k]
-            leader, row = all_series[place[0]], all_series[place[0]].measured.rows[place[1]]
-            cause, evidence = find_cause(row.errors[kind], perturbed[place], kind, at_floor=True)
-            why = "none of the changed causes changes it"
-            floor = rows[k].errors[kind]
-            if cause == UNKNOWN_CAUSE:
-                cause, rounding_evidence = judge_rounding(row, kind, disturbed.get(place, {}))
-                evidence = "; ".join(filter(None, (evidence, rounding_evidence)))
-            if leader is not one and evidence:
-                evidence = f"the same errors as {leader.series.name}, in which {evidence}"
-            evidence = "; ".join(filter(None, (evidence, format_drive_error(rows[k], kind))))
+        setting = one.setting(k)
+        why = format_halving(setting, kind)
+        if setting.is_left_by_halvings(kind):
+            cause, evidence = explain_floor(setting, kind)
+            why, floor = "none of the changed causes changes it", setting.row.errors[kind]
     elif (k := one.rising_kinds().get(kind)) is not None:
-        points = one.measured.points(kind)
-        cause, evidence = judge_rounding(rows[k], kind, disturbed.get((n, k), {}))
-        why, floor = "finer settings are worse", min(error for _, error in points)
+        setting = one.setting(k)
+        cause, evidence = judge_rounding(setting.row, kind, setting.disturbed)
+        why = "finer settings are worse"
+        floor = min(error for _, error in one.measured.points(kind))
     has_cause = bool(cause) and cause != UNKNOWN_CAUSE
     remark = (
         ""
         if unexpected is None
-        else ": ".join(
-            filter(None, find_cause(rows[unexpected].errors[kind], perturbed[n, unexpected], kind))
-        )
+        else ": ".join(filter(None, one.setting(unexpected).cause_of(kind)))
     )
     motion = one.motion
     end = format_end(one.measured, budget)
@@ -567,6 +368,29 @@ def judge_series(
         motion.words if motion else "",
         motion.horizon if motion else NAN,
     )
+
+
+def format_halving(setting: MeasuredSetting, kind: str) -> str:
+    """A phrase on what half the step, or twice the segments, does to an error."""
+    first = setting.halved[0]
+    half = first.errors.get(kind, NAN) if first.outcome == Outcome.RAN else NAN
+    refinement = "halving the step" if setting.of.run == "dynamics" else "twice as many segments"
+    if half > 0:
+        return f"{refinement} {format_factor(setting.row.errors[kind] / half)}"
+    return f"{refinement}: {first.outcome}"
+
+
+def explain_floor(setting: MeasuredSetting, kind: str) -> tuple[str, str]:
+    """The cause of a floor, or `UNKNOWN_CAUSE`, and the evidence in words."""
+    leader = setting.leader
+    assert leader is not None  # an error of the setting is at a floor
+    cause, evidence = leader.cause_of(kind, at_floor=True)
+    if cause == UNKNOWN_CAUSE:
+        cause, rounding_evidence = judge_rounding(leader.row, kind, leader.disturbed)
+        evidence = "; ".join(filter(None, (evidence, rounding_evidence)))
+    if leader.of is not setting.of and evidence:
+        evidence = f"the same errors as {leader.of.series.name}, in which {evidence}"
+    return cause, "; ".join(filter(None, (evidence, format_drive_error(setting.row, kind))))
 
 
 def format_drive_error(row: StudyRow, kind: str) -> str:

@@ -26,9 +26,11 @@ from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, Unsupported
 from proofmass.sim.protocol.programs import Imposed
 from proofmass.sim.protocol.run import Run
+from proofmass.studies import DEFAULT_LONGEST_RUN
 from proofmass.studies.bounded import call_limited
 from proofmass.studies.measure import REFERENCE_TIMEOUT, StudyRun, relative_errors
 from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store, read_or_make, task_key
 from proofmass.studies.trade.program import (
     ProgramRun,
@@ -132,8 +134,7 @@ def verify(
     row: StudyRow,
     error_kind: str,
     wanted: float,
-    store: Store | None = None,
-    longest: float = 30.0,
+    study: Study | None = None,
     drive: str = "",
     compare: bool = False,
 ) -> Check:
@@ -149,10 +150,9 @@ def verify(
         Kind of error, such as position.
     wanted : float
         Largest error that is good enough, as a share of the reference's range [1].
-    store : Store, optional
-        Store for the results.
-    longest : float
-        Processor time after which a program is ended [s].
+    study : Study, optional
+        Where results are kept, and the processor time after which a program is ended; results are
+        not kept if it is not given.
     drive : str, optional
         How the program moves its drives, in the engine's words; the ideal way if not given.
     compare : bool
@@ -162,7 +162,7 @@ def verify(
     check = Check(NAN, NAN, "", setting)
     try:
         if kind == "dynamics":
-            check = run_as_program(case, setting, row, error_kind, store, longest, drive)
+            check = run_as_program(case, setting, row, error_kind, study, drive)
         else:
             error, used = call_limited(
                 case, kind, rerun_setting, case, kind, setting, row.steps, error_kind
@@ -173,18 +173,18 @@ def verify(
     except RUN_ERRORS:
         pass
     if check.fresh <= wanted:
-        shifted, note, failed = stored_shifted_error(case, kind, check.used, error_kind, store)
+        shifted, note, failed = stored_shifted_error(case, kind, check.used, error_kind, study)
         check = replace(check, shifted=shifted, note=note, failed=failed)
     else:
         check = replace(check, again=False)
     if compare and check.drive and check.holds(wanted) and not drive:
-        others = try_other_drives(case, check, error_kind, store, longest)
+        others = try_other_drives(case, check, error_kind, study)
         check = replace(check, others=tuple(others))
     return check
 
 
 def stored_shifted_error(
-    case: Case, kind: Kind, setting: Setting, error_kind: str, store: Store | None
+    case: Case, kind: Kind, setting: Setting, error_kind: str, study: Study | None
 ) -> tuple[float, str, str]:
     """Error from a shifted start, reason why there is no such start, reason why its run failed.
 
@@ -209,12 +209,12 @@ def stored_shifted_error(
             return None, "", str(error)
 
     try:
-        if store is None:
+        if study is None:
             found, note, failed = make()
         else:
             key = task_key(StudyRun(case, kind, setting))
             found, note, failed = read_or_make(
-                store.folder / f"{key}.{error_kind}.shifted.json", make
+                study.store.folder / f"{key}.{error_kind}.shifted.json", make
             )
     except TimedOut as error:
         return NAN, "", str(error)
@@ -226,8 +226,7 @@ def run_as_program(
     setting: Setting,
     row: StudyRow,
     error_kind: str,
-    store: Store | None,
-    longest: float,
+    study: Study | None,
     drive: str = "",
 ) -> Check:
     """Run a setting as a program, with the gain of its drive that gives the least error."""
@@ -238,7 +237,7 @@ def run_as_program(
     ways = [one for one in ways if one.kind == (drive or known[0])]
     used = setting_as_used(case, setting)
     try:
-        ran = [run_with_drive(case, used, one, store, longest) for one in ways]
+        ran = [run_with_drive(case, used, one, study) for one in ways]
     except Unsupported as error:
         error_again, used = call_limited(
             case, "dynamics", rerun_setting, case, "dynamics", setting, row.steps, error_kind
@@ -256,7 +255,7 @@ def run_as_program(
 
 
 def try_other_drives(
-    case: Case, check: Check, error_kind: str, store: Store | None, longest: float
+    case: Case, check: Check, error_kind: str, study: Study | None
 ) -> list[tuple[Imposed, ProgramRun]]:
     """For each other way to move the drives the best gain, and the result of its program."""
     found: dict[str, tuple[Imposed, ProgramRun]] = {}
@@ -264,7 +263,7 @@ def try_other_drives(
         if check.drive and one.kind == check.drive.kind:
             continue
         try:
-            ran = run_with_drive(case, check.used, one, store, longest)
+            ran = run_with_drive(case, check.used, one, study)
         except Unsupported as error:
             ran = ProgramRun(failure=str(error))
         if one.kind not in found or error_or_inf(ran, error_kind) < error_or_inf(
@@ -274,14 +273,13 @@ def try_other_drives(
     return list(found.values())
 
 
-def run_with_drive(
-    case: Case, setting: Setting, drive: Imposed, store: Store | None, longest: float
-) -> ProgramRun:
-    """Run the program of a setting, with a store in a temporary folder if there is none."""
-    if store is not None:
-        return run_stored_program(case, setting, drive, store, longest)
+def run_with_drive(case: Case, setting: Setting, drive: Imposed, study: Study | None) -> ProgramRun:
+    """Run the program of a setting, with a store in a temporary folder if there is no study."""
+    if study is not None:
+        longest = study.longest or DEFAULT_LONGEST_RUN
+        return run_stored_program(case, setting, drive, study.store, longest)
     with tempfile.TemporaryDirectory() as folder:
-        return run_stored_program(case, setting, drive, Store(Path(folder)), longest)
+        return run_stored_program(case, setting, drive, Store(Path(folder)), DEFAULT_LONGEST_RUN)
 
 
 def error_or_inf(ran: ProgramRun, error_kind: str) -> float:

@@ -23,6 +23,7 @@ from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.mujoco.snippet import insert_snippet
 from proofmass.sim.protocol.failures import Diverged, Unsupported
 from proofmass.studies.record import Setting, StudyRow
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade import verify as verify_module
 from proofmass.studies.trade.choose import (
@@ -308,7 +309,7 @@ def stiff(models: Path, edit: Callable[..., Path]) -> Path:
 def test_the_own_settings_of_a_stiff_model_are_chosen(stiff: Path) -> None:
     """More than ten series of other settings fail on this model."""
     folder = stiff.parent / "trade"
-    rows = search(load_case(stiff), "position", 5e-3, Store(folder / "runs"), repeats=0)
+    rows = search(load_case(stiff), "position", 5e-3, Study(Store(folder / "runs")), repeats=0)
     assert "MuJoCo, as in the model" in {row.series for row in rows if row.outcome == "ran"}
     assert len({row.series for row in rows if row.outcome != "ran"}) > 10
     found = CliRunner().invoke(

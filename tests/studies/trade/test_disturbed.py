@@ -14,6 +14,7 @@ from proofmass.reference.reference import compiled_model, run_samples
 from proofmass.run.sidecar import load_case
 from proofmass.studies.measure import StudyRun, simulate_task
 from proofmass.studies.record import Setting, StudyRow
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade
 from proofmass.studies.trade.disturbed import (
@@ -243,7 +244,7 @@ def test_a_double_pendulum_has_no_error_floor(double_pendulum, tmp_path, monkeyp
         ],
     )
     case = shortened_case(double_pendulum, 5.0)
-    study = trade.trade([case], Store(tmp_path), repeats=0)
+    study = trade.trade([case], Study(Store(tmp_path)), repeats=0)
     told = {v.series: v for v in study.verdicts if v.kind == "position"}
     assert all(np.isnan(v.floor) and not v.cause for v in study.verdicts)
     assert told["MuJoCo Euler"].reached.startswith("not yet asymptotic: ")
@@ -270,7 +271,7 @@ def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(
             series for series in list_series(case, kind) if series.name == "MuJoCo RK4"
         ],
     )
-    study = trade.trade([double_pendulum], Store(tmp_path), repeats=0)
+    study = trade.trade([double_pendulum], Study(Store(tmp_path)), repeats=0)
     (case,) = study.cases
     assert all(v.motion.startswith("chaotic") and v.horizon < 15.0 for v in study.verdicts)
     assert case.run["dynamics"].until == pytest.approx(study.verdicts[0].horizon, abs=0.051)

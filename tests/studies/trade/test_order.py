@@ -11,7 +11,7 @@ from proofmass.sim.contents import may_touch
 from proofmass.sim.pymunk.theory import is_damped
 from proofmass.studies.measure import StudyRun, call_engine
 from proofmass.studies.record import Setting
-from proofmass.studies.run import run_tasks
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade.orders import expected_orders
 from proofmass.studies.trade.series import convergence_order
@@ -63,11 +63,8 @@ def errors_at_two_steps(case, folder, change=lambda setting: setting):
     own = compiled_model(case).opt.timestep
     k = next((k for k, size in enumerate(series.sizes) if size < 2 * own), -2)
     pair = [change(setting) for setting in series.settings[k:][:2]]
-    rows = run_tasks(
-        [StudyRun(case, "dynamics", setting) for setting in pair],
-        Store(folder),
-        repeats=0,
-        timeout=600.0,
+    rows = Study(Store(folder), longest=600.0).run(
+        [StudyRun(case, "dynamics", setting) for setting in pair], repeats=0
     )
     assert all(row.errors for row in rows), [row.message for row in rows]
     return {

@@ -17,6 +17,7 @@ from proofmass.sim.protocol.programs import Imposed
 from proofmass.sim.pymunk.tried_settings import bias_of_share
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade import search as module
 from proofmass.studies.trade.program import ProgramRun
@@ -71,18 +72,11 @@ class FormulaFamilies:
                 for name, one in families.items()
             ],
         )
-        monkeypatch.setattr(module, "run_tasks", self.run)
+        monkeypatch.setattr(
+            Study, "run", lambda study, tasks, *, repeats: self.run(tasks, repeats, study.longest)
+        )
 
-    def run(
-        self,
-        tasks: list[StudyRun],
-        store: object,
-        workers: object,
-        *,
-        repeats: int,
-        timeout: float,
-        progress: object,
-    ) -> list[StudyRow]:
+    def run(self, tasks: list[StudyRun], repeats: int, timeout: float) -> list[StudyRow]:
         rows = []
         for task in tasks:
             self.asked.append((task.series, task.value, repeats))
@@ -143,7 +137,7 @@ def test_the_cheapest_setting_is_found_within_a_quarter(
         fourth=(4.0, 100.0, 0.0, 5e-6),
         second=(2.0, 50.0, 0.0, 2e-6),
     )
-    rows = search(fourbar, "position", needed, Store(tmp_path))
+    rows = search(fourbar, "position", needed, Study(Store(tmp_path)))
     good = min(row.seconds for row in rows if row.errors["position"] <= needed)
     assert good <= 1.25 * world.best(needed)
     assert len(world.asked) < 40
@@ -163,7 +157,7 @@ def test_families_that_cannot_be_cheaper_are_given_up(fourbar: Case, monkeypatch
     world = FormulaFamilies(
         monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), dear=(4.0, 1e3, 0.0, 1e-3), failed=(0, 0, 0, 0)
     )
-    search(fourbar, "position", 1e-6, Store(tmp_path))
+    search(fourbar, "position", 1e-6, Study(Store(tmp_path)))
     counts = {
         name: sum(series == name and not repeats for series, _, repeats in world.asked)
         for name in world.families
@@ -188,7 +182,7 @@ def test_families_that_are_worse_than_another_are_given_up(
         far=(1e-9, 3.0, 0.0, 1e-6),
         late=(4.0, 1e7, 0.0, 1e-6),
     )
-    rows = search(fourbar, "position", 1e-14, Store(tmp_path), limits=Limits(longest=10.0))
+    rows = search(fourbar, "position", 1e-14, Study(Store(tmp_path)), limits=Limits(longest=10.0))
     counts = {
         name: sum(series == name and not repeats for series, _, repeats in world.asked)
         for name in world.families
@@ -203,7 +197,7 @@ def test_families_that_are_worse_than_another_are_given_up(
 
 def test_an_error_floor_ends_a_family(fourbar: Case, monkeypatch, tmp_path) -> None:
     world = FormulaFamilies(monkeypatch, floor=(2.0, 50.0, 1e-4, 1e-6))
-    rows = search(fourbar, "position", 1e-6, Store(tmp_path))
+    rows = search(fourbar, "position", 1e-6, Study(Store(tmp_path)))
     assert len(world.asked) < module.MAX_RUNS_OF_FAMILY
     assert min(row.errors["position"] for row in rows) < 2e-4
 
@@ -216,7 +210,7 @@ def test_a_constant_large_error_ends_a_family(fourbar: Case, monkeypatch, tmp_pa
     world = FormulaFamilies(
         monkeypatch, other=(1e-9, 0.6, 0.0, 1e-6, True), late=(0.03, 0.6, 0.0, 1e-6, True)
     )
-    search(fourbar, "position", 1e-6, Store(tmp_path))
+    search(fourbar, "position", 1e-6, Study(Store(tmp_path)))
     counts = {
         name: sum(series == name and not repeats for series, _, repeats in world.asked)
         for name in world.families
@@ -388,7 +382,7 @@ def test_defaults_are_followed_further_for_comparison(fourbar: Case, monkeypatch
         plain=(1.0, 0.01, 0.0, 1e-6, True),
         other=(1.0, 0.01, 0.0, 1e-6),
     )
-    search(fourbar, "position", 1e-6, Store(tmp_path))
+    search(fourbar, "position", 1e-6, Study(Store(tmp_path)))
     finest = {
         name: min(value for series, value, _ in world.asked if series == name)
         for name in ("plain", "other")
@@ -398,7 +392,7 @@ def test_defaults_are_followed_further_for_comparison(fourbar: Case, monkeypatch
 
 def test_no_run_is_longer_than_allowed(fourbar: Case, monkeypatch, tmp_path) -> None:
     world = FormulaFamilies(monkeypatch, slow=(1.0, 1.0, 0.0, 1e-3))
-    search(fourbar, "position", 1e-6, Store(tmp_path), limits=Limits(longest=10.0))
+    search(fourbar, "position", 1e-6, Study(Store(tmp_path)), limits=Limits(longest=10.0))
     assert all(1e-3 * 6.28 / value <= 10.0 for _, value, _ in world.asked)
 
 
@@ -406,12 +400,12 @@ def test_a_budget_ends_the_search(fourbar: Case, monkeypatch, tmp_path) -> None:
     """The limits report that the budget left settings out."""
     world = FormulaFamilies(monkeypatch, good=(1.0, 1.0, 0.0, 1e-6))
     limits = Limits(budget=1e-9)
-    search(fourbar, "position", 1e-6, Store(tmp_path), limits=limits)
+    search(fourbar, "position", 1e-6, Study(Store(tmp_path)), limits=limits)
     assert limits.short
     assert "the budget left some out" in limits.words
     asked, world.asked = len(world.asked), []
     limits = Limits()
-    search(fourbar, "position", 1e-6, Store(tmp_path), limits=limits)
+    search(fourbar, "position", 1e-6, Study(Store(tmp_path)), limits=limits)
     assert len(world.asked) > asked
     assert not limits.short
     assert "left" not in limits.words
@@ -427,17 +421,17 @@ def test_no_run_is_started_that_would_exceed_the_budget(
     """
     world = FormulaFamilies(monkeypatch, one=(1.0, 0.5, 0.0, 1e-6), two=(1.0, 0.51, 0.0, 1e-6))
     limits = Limits(budget=0.6)
-    search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
+    search(fourbar, "position", 1e-5, Study(Store(tmp_path)), limits=limits)
     assert limits.short
     assert 0.3 < limits.spent <= 0.6
     world = FormulaFamilies(monkeypatch, slow=(1.0, 0.5, 0.0, 1e-4))
     limits = Limits(longest=60.0, budget=10.0)
-    rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
+    rows = search(fourbar, "position", 1e-5, Study(Store(tmp_path)), limits=limits)
     assert limits.short
     assert limits.spent == pytest.approx(sum(row.seconds for row in rows))
     assert limits.spent <= 10.0
     enough = Limits(longest=60.0, budget=60.0)
-    rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=enough)
+    rows = search(fourbar, "position", 1e-5, Study(Store(tmp_path)), limits=enough)
     assert min(row.errors["position"] for row in rows) <= 1e-5
     assert not enough.short
     assert 25.0 < enough.spent <= 60.0
@@ -480,7 +474,7 @@ def test_timed_out_runs_count_towards_the_budget(fourbar: Case, monkeypatch, tmp
     for budget, short in ((32.0, True), (60.0, False)):
         FormulaFamilies(monkeypatch, slow=(1.0, 0.5, 0.0, 1e2), one=(1.0, 0.5, 0.0, 1e-5))
         limits = Limits(longest=30.0, budget=budget)
-        rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
+        rows = search(fourbar, "position", 1e-5, Study(Store(tmp_path)), limits=limits)
         (slow,) = [row for row in rows if row.series == "slow"]
         assert slow.outcome == "timed out"
         rest = [row for row in rows if row.series == "one"]
@@ -507,7 +501,7 @@ def test_a_family_with_the_same_errors_as_an_earlier_one_ends(
     ):
         one = (2.0, 50.0, 0.0, dear, plain)
         world = FormulaFamilies(monkeypatch, one=one, same=(2.0, 50.0, 0.0, cost))
-        search(fourbar, "position", 1e-4, Store(tmp_path))
+        search(fourbar, "position", 1e-4, Study(Store(tmp_path)))
         steps = {(series, value) for series, value, _ in world.asked}
         counts[cost, plain] = sum(series == "same" for series, _ in steps)
         assert any(series == "one" and value < SAMPLE_DISTANCE / 2 for series, value in steps)
@@ -542,7 +536,7 @@ def test_families_that_reach_the_same_setting_are_followed_once(
             SettingFamily("mujoco", name, at(name), SAMPLE_DISTANCE) for name in ("one", "other")
         ],
     )
-    search(fourbar, "position", 1e-6, Store(tmp_path))
+    search(fourbar, "position", 1e-6, Study(Store(tmp_path)))
     fine = [
         series
         for series, value, repeats in world.asked
@@ -598,7 +592,7 @@ def test_the_best_gain_of_each_other_kind_of_drive_is_reported(fourbar: Case, mo
     check = Check(
         1e-6, 1e-6, "", setting, ProgramRun({"position": 1e-6}, 1.0, 9), Imposed("flywheel")
     )
-    found = try_other_drives(fourbar, check, "position", None, 9.0)
+    found = try_other_drives(fourbar, check, "position", None)
     assert [drive.kind for drive, _ in found] == ["servo", "equality"]
     assert found[0][0].gain == 0.5
     told = replace(check, others=tuple(found)).describe_other_drives("position", 1e-4)
@@ -658,7 +652,7 @@ def test_of_long_runs_only_the_cheapest_is_made(fourbar: Case, monkeypatch, tmp_
         dear=(1.0, 1.01, 0.0, 2e-4),
         dearer=(1.0, 1.02, 0.0, 3e-4),
     )
-    rows = search(fourbar, "position", 3e-4, Store(tmp_path))
+    rows = search(fourbar, "position", 3e-4, Study(Store(tmp_path)))
     longest = {
         name: max(row.seconds for row in rows if row.series == name) for name in world.families
     }
@@ -676,11 +670,11 @@ def test_a_step_that_takes_too_long_is_not_tried_once_the_order_is_known(
     the needed step is found.
     """
     world = FormulaFamilies(monkeypatch, first=(1.0, 0.5, 0.0, 1e-4))
-    rows = search(fourbar, "position", 1e-6, Store(tmp_path))
+    rows = search(fourbar, "position", 1e-6, Study(Store(tmp_path)))
     assert 3 <= len(rows) <= 5
     assert max(row.seconds for row in rows) < 1.0
     world = FormulaFamilies(monkeypatch, second=(2.0, 0.5, 0.0, 1e-4))
-    rows = search(fourbar, "position", 1e-6, Store(tmp_path))
+    rows = search(fourbar, "position", 1e-6, Study(Store(tmp_path)))
     assert min(row.errors["position"] for row in rows) <= 1e-6
     assert min(row.seconds for row in rows if row.errors["position"] <= 1e-6) <= 1.25 * world.best(
         1e-6
@@ -700,7 +694,7 @@ def test_a_free_motion_without_a_reference_is_given_up_after_one_round(tmp_path)
     (tmp_path / "double_pendulum.xml").write_text(stopped, encoding="utf-8")
     copyfile(models / "double_pendulum.toml", tmp_path / "double_pendulum.toml")
     case = load_case(tmp_path / "double_pendulum.toml")
-    rows = search(case, "position", 1e-3, Store(tmp_path), engine="pymunk")
+    rows = search(case, "position", 1e-3, Study(Store(tmp_path)), engine="pymunk")
     own, *others = list_families(case, "pymunk")
     assert own.first is not None
     assert own.first < own.sample

@@ -7,7 +7,7 @@ import pytest
 from proofmass.run.sidecar import load_case
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
-from proofmass.studies.run import run_tasks
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade.series import find_series, list_cached_settings, predict_steps
 from proofmass.studies.trade.varied import list_series
@@ -78,8 +78,8 @@ def test_stored_settings_of_any_study_are_listed(tmp_path, models):
         Setting("mujoco", {"timestep": 4e-4, "integrator": "RK4", "defaults": True}),
         Setting("mujoco", {"timestep": 1e-3, "integrator": "Euler", "solver": "CG"}),
     ]
-    rows = run_tasks(
-        [StudyRun(own, "dynamics", setting, "choose") for setting in asked], store, repeats=1
+    rows = Study(store).run(
+        [StudyRun(own, "dynamics", setting, "choose") for setting in asked], repeats=1
     )
     found = sorted(list_cached_settings(own, "dynamics", [], store), key=lambda row: row.value)
     assert [row.series for row in found] == ["MuJoCo RK4", "MuJoCo, integrator Euler, solver CG"]

@@ -14,7 +14,7 @@ from proofmass.run.sidecar import load_case
 from proofmass.run.solve import MAX_FORCE_EVALUATIONS, describe_dynamics
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow, read_table
-from proofmass.studies.run import run_tasks
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade
 from proofmass.studies.trade.choose import is_default
@@ -108,12 +108,11 @@ def test_a_finer_step_that_is_worse_is_found():
 def test_a_finer_step_through_a_flat_pose_is_worse(tmp_path):
     """The case is the shipped chain of parallelograms in pymunk; its reference is a closed form."""
     case = load_case(shipped("parallelogram_chain.toml"))
-    rows = run_tasks(
+    rows = Study(Store(tmp_path)).run(
         [
             StudyRun(case, "dynamics", Setting("pymunk", {"timestep": step}))
             for step in (1e-3, 5e-4, 2.5e-4)
         ],
-        Store(tmp_path),
         repeats=0,
     )
     points = [(row.step, row.errors["position"]) for row in rows]
@@ -358,7 +357,7 @@ def pendulum(tmp_path_factory):
         )
         patch.setattr(trade, "find_near_front", lambda rows: [*NEAR_FRONT])
         folder = tmp_path_factory.mktemp("pendulum")
-        study = trade.trade([PENDULUM], Store(folder / "runs"), repeats=2)
+        study = trade.trade([PENDULUM], Study(Store(folder / "runs")), repeats=2)
         trade.write_study(study, folder)
     return study, folder
 
@@ -407,7 +406,9 @@ def test_an_order_that_is_limited_by_the_reference_has_a_remark(tmp_path, edit, 
         "proofmass.run.solve.MAX_FORCE_EVALUATIONS", 6e4
     )  # down to steps where it matters
     study = trade.trade(
-        [load_case(tmp_path / "models" / "pendulum.toml")], Store(tmp_path / "runs"), repeats=0
+        [load_case(tmp_path / "models" / "pendulum.toml")],
+        Study(Store(tmp_path / "runs")),
+        repeats=0,
     )
     told = next(v for v in study.verdicts if v.kind == "position")
     assert is_unexpected(told.observed, told.expected)
@@ -451,7 +452,7 @@ def test_failures_stay_in_the_table(tmp_path, monkeypatch):
         tuple(Setting("pymunk", {"timestep": 1e-3, "iterations": n}) for n in (10, 30)),
     )
     monkeypatch.setattr(trade, "list_series", lambda *_: [series])
-    study = trade.trade([case], Store(tmp_path), repeats=1)
+    study = trade.trade([case], Study(Store(tmp_path)), repeats=1)
     assert [row.outcome for row in study.rows] == ["diverged", "ran"]
     assert "loops are open" in study.rows[0].message
     assert trade.least_cost(study.rows, "position", 1e-4) == study.rows[1].seconds

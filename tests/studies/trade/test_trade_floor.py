@@ -9,9 +9,9 @@ from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol.tuning import Perturbation
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import run_tasks
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
-from proofmass.studies.trade import trade as trade_module
+from proofmass.studies.trade.case_series import CaseSeries
 from proofmass.studies.trade.floor_cause import (
     SIGNIFICANT_FACTOR,
     find_cause,
@@ -21,7 +21,7 @@ from proofmass.studies.trade.floor_cause import (
     list_perturbations,
 )
 from proofmass.studies.trade.series import MeasuredSeries
-from proofmass.studies.trade.trade import CaseSeries, find_leaders, halve_steps
+from proofmass.studies.trade.trade import find_leaders, halve_steps
 from proofmass.studies.trade.varied import ConvergenceSeries
 from tests.shipped import shipped
 
@@ -36,12 +36,11 @@ def run_perturbations(folder, case, setting, kind="dynamics", causes=None):
     """The errors of a setting; and all its perturbations, or those of `causes`, with their rows."""
     listed = list_perturbations(case, kind, setting, folder)
     wanted = [(own, p) for own, p in listed if causes is None or p.cause in causes]
-    first, *rows = run_tasks(
+    first, *rows = Study(Store(folder)).run(
         [
             StudyRun(case, kind, setting),
             *(StudyRun(own, kind, Setting(setting.engine, p.parameters)) for own, p in wanted),
         ],
-        Store(folder),
         repeats=0,
     )
     return first.errors, [(p, row) for (_, p), row in zip(wanted, rows, strict=True)]
@@ -472,10 +471,17 @@ def errors_scaled_in(kind: str, by: float) -> dict[str, tuple[float, ...]]:
     return {**ERRORS_WITH_FLOOR, kind: tuple(by * error for error in ERRORS_WITH_FLOOR[kind])}
 
 
-def leaders_of(*every: CaseSeries) -> dict[tuple[int, int], tuple[int, int]]:
-    """`find_leaders` of series whose own finer steps are the halvings."""
-    places = [(n, k) for n, one in enumerate(every) for k in {*one.floors().values()}]
-    return find_leaders(every, {(n, k): two_finer_rows(every[n], k) for n, k in places})
+def leaders_of(*every: CaseSeries) -> dict[str, str]:
+    """The series of the leader that `find_leaders` finds for each series, by their names.
+
+    The halvings of a setting are the finer steps of its own series.
+    """
+    settings = [setting for one in every for setting in one.at_floors()]
+    for setting in settings:
+        assert setting.k == 2
+        setting.halved = setting.halved or two_finer_rows(setting.of, 2)
+    find_leaders(settings)
+    return {one.of.series.name: one.leader.of.series.name for one in settings if one.leader}
 
 
 def two_finer_rows(one: CaseSeries, k: int) -> list[StudyRow]:
@@ -488,7 +494,7 @@ def test_series_with_the_same_errors_are_at_one_floor_which_is_examined_once():
         series_at("Newton", ERRORS_WITH_FLOOR),
         series_at("CG", errors_scaled_in("position", 1.009)),
     )
-    assert leaders_of(first, again) == {(0, 2): (0, 2), (1, 2): (0, 2)}
+    assert leaders_of(first, again) == {"Newton": "Newton", "CG": "Newton"}
 
 
 @pytest.mark.parametrize(
@@ -502,10 +508,9 @@ def test_series_with_the_same_errors_are_at_one_floor_which_is_examined_once():
     ids=["position", "velocity", "engine", "case"],
 )
 def test_series_with_another_error_engine_or_case_have_own_floors(other):
-    assert leaders_of(series_at("Newton", ERRORS_WITH_FLOOR), other) == {
-        (0, 2): (0, 2),
-        (1, 2): (1, 2),
-    }
+    name = other.series.name
+    own = leaders_of(series_at("Newton", ERRORS_WITH_FLOOR), other)
+    assert own == {"Newton": "Newton", name: name}
 
 
 def test_a_series_without_a_floor_of_a_kind_does_not_stand_for_one_with_it():
@@ -515,33 +520,31 @@ def test_a_series_without_a_floor_of_a_kind_does_not_stand_for_one_with_it():
     """
     falling = {**ERRORS_WITH_FLOOR, "velocity": (1.6e-3, 4e-4, 1e-4, 2.5e-5, 6e-6)}
     found = leaders_of(series_at("Newton", falling), series_at("CG", ERRORS_WITH_FLOOR))
-    assert found == {(0, 2): (0, 2), (1, 2): (1, 2)}
+    assert found == {"Newton": "Newton", "CG": "CG"}
 
 
 def test_a_series_that_a_halving_changes_has_no_floor():
     """Two series have the same errors, but halving the step changes those of the second."""
-    every = [series_at("Newton", ERRORS_WITH_FLOOR), series_at("CG", ERRORS_WITH_FLOOR)]
-    moved = [
+    first, second = series_at("Newton", ERRORS_WITH_FLOOR), series_at("CG", ERRORS_WITH_FLOOR)
+    second.setting(2).halved = [
         replace(row, errors={k: 3 * v for k, v in row.errors.items()})
-        for row in two_finer_rows(every[1], 2)
+        for row in two_finer_rows(second, 2)
     ]
-    assert find_leaders(every, {(0, 2): two_finer_rows(every[0], 2), (1, 2): moved}) == {
-        (0, 2): (0, 2)
-    }
+    assert leaders_of(first, second) == {"Newton": "Newton"}
 
 
 def test_a_floor_is_measured_at_exactly_half_and_a_quarter_of_its_step(monkeypatch):
     """The next steps of a series may be a little shorter than half, which may change forces."""
     asked = list[StudyRun]()
 
-    def ran(tasks, *_, **__):
+    def ran(_, tasks, **__):
         asked.extend(tasks)
         return [series_at("Newton", ERRORS_WITH_FLOOR).measured.rows[0] for _ in tasks]
 
-    monkeypatch.setattr(trade_module, "run_tasks", ran)
+    monkeypatch.setattr(Study, "run", ran)
     one = series_at("Newton", ERRORS_WITH_FLOOR)
-    found = halve_steps([one], None, None, 1.0, lambda *_: None)
-    (place,) = found
-    step = one.series.settings[place[1]].parameters["timestep"]
+    assert len(halve_steps([one], Study(None))) == 2
+    (setting,) = one.examined.values()
+    step = setting.setting.parameters["timestep"]
     assert [task.setting.parameters["timestep"] for task in asked] == [step / 2, step / 4]
-    assert len(found[place]) == 2
+    assert len(setting.halved) == 2

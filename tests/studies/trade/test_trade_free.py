@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from proofmass.case.case import Case
 from proofmass.run.sidecar import load_case
+from proofmass.studies.run import Study
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade
 from proofmass.studies.trade.series import find_worse_pair
@@ -153,7 +154,7 @@ def study(tmp_path_factory) -> trade.Trade:
                 series for series in list_series(case, kind) if series.name in SERIES_NAMES
             ],
         )
-        return trade.trade([case], Store(tmp_path_factory.mktemp("free")), repeats=0)
+        return trade.trade([case], Study(Store(tmp_path_factory.mktemp("free"))), repeats=0)
 
 
 def position_errors(study: trade.Trade, name: str) -> dict[int, float]:
