@@ -14,6 +14,7 @@ import numpy as np
 
 from proofmass.base.files import write_output
 from proofmass.base.wording import number
+from proofmass.studies.bracket import Bracket
 from proofmass.studies.record import format_cells, read_cells, write_columns
 
 PRINTED_DIGITS = 4
@@ -214,7 +215,7 @@ class Boundary(VariedRange):
         NaN if nothing is known beyond `holds`, or if `start` fails.
         """
         if self.found:
-            return float(np.sqrt(self.holds * self.breaks))
+            return Bracket(self.holds, self.breaks).middle
         if self.unknown or not np.isfinite(self.holds):
             return NAN
         return float("inf") if self.reach > self.start else 0.0

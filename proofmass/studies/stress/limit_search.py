@@ -26,6 +26,7 @@ from proofmass.sim.engines import engine_of
 from proofmass.sim.mjcf import compiles
 from proofmass.sim.protocol.engine import Engine
 from proofmass.sim.protocol.theory import Scheme
+from proofmass.studies.bracket import Bracket
 from proofmass.studies.measure import Measurement, StudyRun, measure, observe, simulate_task
 from proofmass.studies.record import ParameterValue, Setting, format_kind
 from proofmass.studies.store import Store, task_key
@@ -110,8 +111,7 @@ class LimitSearch(VariedRange):
         coarse = within if expected else UNKNOWN_BOUNDARY_TOLERANCE
         holds, breaks, failure = bisect(test, self.start, self.reach, within, coarse)
         again = NAN
-        near = max(holds / breaks, breaks / holds) < NEAREST_FACTOR
-        if near and is_engine_failure(failure):
+        if Bracket(holds, breaks).ratio < NEAREST_FACTOR and is_engine_failure(failure):
             holds, breaks, failure, again = find_first_and_last(
                 test, self.start, self.reach, holds, breaks, failure
             )
@@ -164,23 +164,22 @@ def bisect(
     failure = test(start)
     if failure:
         return NAN, NAN, failure._replace(message=f"at {start:g} already: {failure.message}")
-    holds, breaks = start, NAN
+    bracket = Bracket(start, NAN)
     strides = max(1, int(np.ceil(abs(np.log(reach / start)) / np.log(STRIDE_FACTOR) - 1e-9)))
     for value in np.geomspace(start, reach, strides + 1)[1:].tolist():
         failure = test(value)
+        bracket = bracket.narrowed(value, holds=failure is None)
         if failure:
-            breaks = value
             break
-        holds = value
-    while max(holds / breaks, breaks / holds) > 1.0 + (  # not with NaN
+    # The end of the bisection is asked for anew in each step, since the first failure may be
+    # proofmass's own and a later one, nearer to the value that holds, the engine's.
+    while bracket.ratio > 1.0 + (  # not with NaN
         max(coarse, within) if failure and failure.limit == BoundaryKind.OURS else within
     ):
-        middle = float(np.sqrt(holds * breaks))
-        if found := test(middle):
-            breaks, failure = middle, found
-        else:
-            holds = middle
-    return holds, breaks, failure
+        found = test(bracket.middle)
+        bracket = bracket.narrowed(bracket.middle, holds=found is None)
+        failure = found or failure
+    return bracket.holds, bracket.breaks, failure
 
 
 def find_first_and_last(
@@ -239,9 +238,11 @@ def find_first_and_last(
     def holds_at(value: float) -> bool:
         return test(value) is None
 
+    # A value that was tried has more digits than are printed, and its printed neighbour may behave
+    # otherwise. The search therefore begins at printed values.
     one_before = next(filter(holds_at, printed_neighbours(holds, not up)), holds)
     one_beyond = next(filter(fails_at, printed_neighbours(breaks, up)), breaks)
-    between = float(number(np.sqrt(holds * breaks)))
+    between = float(number(Bracket(holds, breaks).middle))
     first = find_furthest(
         fails_at, one_beyond, start, not up, step_by_factor(between, NEAREST_FACTOR, start, not up)
     )

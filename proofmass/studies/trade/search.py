@@ -28,6 +28,7 @@ from proofmass.sim.protocol.run import whole_steps
 from proofmass.sim.protocol.settings import first_number
 from proofmass.sim.protocol.tuning import Recipe
 from proofmass.studies.bounded import call_bounded
+from proofmass.studies.bracket import Bracket
 from proofmass.studies.measure import StudyRun, cached_reference
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import (
@@ -151,9 +152,12 @@ class SettingFamily:
         is tried.
         """
         last = rows[-1]
-        # An error so large is that of another motion, and how it falls tells no order.
+        # The engine follows another motion, whose error shows no order: large steps lead out of
+        # it soonest.
         if not row_error(last, error_kind) < OTHER_MOTION_ERROR:
             return None if is_stuck(rows, error_kind) else last.value / TRIAL_STEP_RATIO
+        # This is the first error of the right motion: a second one is needed for an order, and a
+        # halving costs least.
         if len(rows) < 2 or not row_error(rows[-2], error_kind) < OTHER_MOTION_ERROR:
             return last.value / 2.0
         falls = order_between(rows[-2], last, error_kind)
@@ -166,6 +170,8 @@ class SettingFamily:
         wanted = last.value * (AIMED_ERROR_SHARE * needed / row_error(last, error_kind)) ** (
             1 / falls
         )
+        # The order of two steps may be too low by chance, as where the error changes its sign. A
+        # family is given up for its cost only if three steps agree on the order.
         if self.cost(wanted) > limit:
             order_holds = (
                 len(rows) > 2
@@ -173,6 +179,7 @@ class SettingFamily:
                 < SAME_ORDER_TOLERANCE
             )
             return None if order_holds else last.value / TRIAL_STEP_RATIO
+        # An order of two steps is not trusted over more than one and a half decades.
         return max(wanted, last.value / MAX_REFINEMENT_RATIO)
 
 
@@ -193,14 +200,15 @@ def step_between(coarse: StudyRow, fine: StudyRow, error_kind: str, needed: floa
     fine one; the order is taken as 1 at most, since a very large error at the coarse step makes it
     too high.  Short runs are tried in any case, since errors need not fall evenly.
     """
-    if coarse.value < CLOSE_STEP_RATIO * fine.value:
+    bracket = Bracket(fine.value, coarse.value)
+    if bracket.ratio < CLOSE_STEP_RATIO:
         return None
-    middle = (coarse.value * fine.value) ** 0.5
+    # Without an order that the two errors show nothing is known but that the limit is between.
     if not row_error(coarse, error_kind) < OTHER_MOTION_ERROR:
-        return middle
+        return bracket.middle
     falls = order_between(coarse, fine, error_kind)
     if falls < MIN_FALLING_ORDER:
-        return middle
+        return bracket.middle
     wanted = fine.value * (
         AIMED_ERROR_SHARE * needed / max(row_error(fine, error_kind), 1e-17)
     ) ** (1 / falls)
@@ -209,8 +217,8 @@ def step_between(coarse: StudyRow, fine: StudyRow, error_kind: str, needed: floa
     ) * CLOSE_STEP_RATIO ** min(falls, 1.0)
     if has_little_gain and fine.cost > LONG_RUN_SECONDS:
         return None
-    margin = (coarse.value / fine.value) ** MIN_LOG_DISTANCE
-    return min(max(wanted, fine.value * margin), coarse.value / margin)
+    # A wrong order may point outside the bracket, or so near to an end that nothing is learnt.
+    return bracket.inside(wanted, MIN_LOG_DISTANCE)
 
 
 def is_stuck(rows: Sequence[StudyRow], error_kind: str) -> bool:

@@ -1,0 +1,58 @@
+"""The two values of a parameter between which an error crosses its limit.
+
+`stress` increases a parameter until a run fails, and bisects; `trade` and `choose` shorten the time
+step until an error is small enough, and look for a longer step that is so too.  Steps, loads and
+speeds vary over decades, so that ratios count and not differences.
+"""
+
+from dataclasses import dataclass
+from math import sqrt
+
+
+@dataclass(frozen=True)
+class Bracket:
+    """A value with an error within its limit, and one with an error beyond it.
+
+    Attributes
+    ----------
+    holds, breaks : float
+        The two values [their unit], both positive; NaN for one that is not known.
+    """
+
+    holds: float
+    breaks: float
+
+    @property
+    def ratio(self) -> float:
+        """The larger value over the smaller one [1]; NaN if one is not known.
+
+        >>> Bracket(2.0, 0.5).ratio, Bracket(0.5, 2.0).ratio
+        (4.0, 4.0)
+        """
+        return max(self.holds / self.breaks, self.breaks / self.holds)
+
+    @property
+    def middle(self) -> float:
+        """The geometric mean of the two values [their unit].
+
+        >>> Bracket(2.0, 0.5).middle
+        1.0
+        """
+        return sqrt(self.holds * self.breaks)
+
+    def inside(self, value: float, margin: float) -> float:
+        """The value nearest to a given one that is away from both ends [their unit].
+
+        Its distance from each end is at least the share `margin` of the distance of the ends, on
+        the logarithmic scale.
+
+        >>> Bracket(1.0, 16.0).inside(1.5, 0.25), Bracket(1.0, 16.0).inside(5.0, 0.25)
+        (2.0, 5.0)
+        """
+        away = self.ratio**margin
+        low, high = sorted((self.holds, self.breaks))
+        return min(max(value, low * away), high / away)
+
+    def narrowed(self, value: float, holds: bool) -> "Bracket":
+        """The bracket after a value between the two was tried."""
+        return Bracket(value, self.breaks) if holds else Bracket(self.holds, value)
