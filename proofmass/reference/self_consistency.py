@@ -164,6 +164,8 @@ class Rung:
     @cached_property
     def last(self) -> int:
         """The last sample until which two of the three criteria are met; 0 if they never are."""
+        # Two of three, since each may fail alone: steps may converge to a wrong branch, the other
+        # integrator may end early, and a disturbance may grow in a motion that is computed well.
         votes = self.steps_converge.astype(int) + self.close_agrees + self.steady
         fails = np.flatnonzero(votes < 2)
         return max(0, int(fails[0]) - 1) if fails.size else len(votes) - 1
@@ -231,6 +233,8 @@ class Rung:
         """
         if self.best is not self.fine:
             return self.error(self.fine)
+        # Differences between steps then are all that is known. With order p the steps still to come
+        # add up to the last difference over 2^p - 1.
         order = log2(MIN_FALL) if np.isnan(self.order) else self.order
         ratio = 2.0 ** min(max(order, log2(MIN_FALL)), 1.0)
         return float(self.differences[-1][self.last]) / (ratio - 1.0) if self.differences else inf
@@ -240,6 +244,7 @@ class Rung:
         """Order of convergence of the last two halvings until T; NaN if only rounding is left."""
         if len(self.differences) < 3:
             return nan
+        # Over two halvings, whose mean hides that a single one may meet a lucky phase.
         coarse, _, fine = (float(one[self.last]) for one in self.differences[-3:])
         return log2(coarse / fine) / 2.0 if fine > ROUNDING_SHARE * self.sizes[self.last] else nan
 

@@ -64,6 +64,8 @@ class CaseSeries:
             for points in (self.measured.points(kind),)
             if (k := find_flat_point(points)) is not None
         }
+        # At a coarser setting another kind may still fall, so that halvings there would not show
+        # its floor.
         last = max(found.values(), default=0)
         return dict.fromkeys(found, last)
 
