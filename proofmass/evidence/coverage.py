@@ -58,6 +58,7 @@ SOURCE_FILES = (
     "run/solve.py",
     "verdict/compare.py",
     "verdict/detectable.py",
+    "verdict/noticed.py",
 )
 """Files of the package whose sources a finding depends on."""
 

@@ -45,6 +45,7 @@ from proofmass.reference.run_reference import changeable_parameters
 from proofmass.sim.elements import NotWritten, Number
 from proofmass.sim.numbers import CHANGE_SHARE
 from proofmass.verdict.compare import failed_comparisons
+from proofmass.verdict.noticed import noticed_changes, smallest_noticed
 from proofmass.verdict.outcome import FAILED_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 
 GROUP_SIZE = 6
@@ -525,23 +526,24 @@ class Search:
 
     def parameters(self) -> Iterator[Finding]:
         """Findings on the reference's parameters, from the detectable changes of comparisons."""
+        comparisons = [c for one in self.before for c in one.comparisons]
+        noticed = noticed_changes(comparisons, {Outcome.AGREES})
         for name, value in changeable_parameters(self.case).items():
             blank = Finding("parameter", name, "", value, CHANGE_SHARE * abs(value), False)
-            estimate = [
-                (change.size * (abs(value) if change.relative else 1.0), c)
-                for one in self.before
-                for c in one.comparisons
-                if c.outcome == Outcome.AGREES and (change := c.detectable.get(name))
-            ]
-            known = [(by, c) for by, c in estimate if not math.isnan(by)]
-            if known:
-                by, c = min(known, key=lambda pair: pair[0])
-                found = replace(blank, noticed=True, change=by, run=c.run, solver=c.solver)
-                yield replace(found, channel=c.channel)
-            else:
+            changes = noticed.get(name, [])
+            if found := smallest_noticed(changes):
+                change, c = found
+                size = change.size * (abs(value) if change.relative else 1.0)
                 yield replace(
-                    blank, noticed=bool(estimate), refused="not known" if estimate else ""
+                    blank,
+                    noticed=True,
+                    change=size,
+                    run=c.run,
+                    solver=c.solver,
+                    channel=c.channel,
                 )
+            else:
+                yield replace(blank, noticed=bool(changes), refused="not known" if changes else "")
 
 
 def group_numbers(there: Sequence[Number]) -> dict[str, list[Number]]:

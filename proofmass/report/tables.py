@@ -17,6 +17,7 @@ from proofmass.report.words import SYMBOLS
 from proofmass.sim.engines import format_solver
 from proofmass.verdict.compare import Comparison
 from proofmass.verdict.detectable import DetectableChange
+from proofmass.verdict.noticed import noticed_changes, smallest_noticed
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, FAILED_OUTCOMES, Outcome
 
 NAN = float("nan")
@@ -123,17 +124,17 @@ def format_change(change: DetectableChange) -> str:
 
 def unnoticed_parameters(case: Case, rows: list[Comparison]) -> list[str]:
     """Return the parameters of which no checked channel notices a change of 10 %."""
-    changes = judged_changes(rows)
+    changes = noticed_changes(rows, CHECKED_OUTCOMES)
     return [p for p in changeable_parameters(case) if p not in changes]
 
 
 def unknown_parameters(case: Case, rows: list[Comparison]) -> list[str]:
     """Return the parameters of which it is not known whether a checked channel notices a change."""
-    changes = judged_changes(rows)
+    changes = noticed_changes(rows, CHECKED_OUTCOMES)
     return [
         p
         for p in changeable_parameters(case)
-        if p in changes and all(math.isnan(change.size) for change in changes[p])
+        if p in changes and smallest_noticed(changes[p]) is None
     ]
 
 
@@ -154,36 +155,19 @@ def smallest_changes(case: Case, rows: list[Comparison]) -> list[SmallestChange]
         names = list(changeable_parameters(case))
     except InputError:  # the reference is at fault, which the runs report
         return []
-    found = []
+    found, noticed = [], noticed_changes(rows, CHECKED_OUTCOMES)
     for name in names:
-        known = [
-            (c.detectable[name].size, c)
-            for c in rows
-            if name in c.detectable
-            and c.outcome in CHECKED_OUTCOMES
-            and not math.isnan(c.detectable[name].size)
-        ]
-        if not known:
+        smallest = smallest_noticed(noticed.get(name, []))
+        if smallest is None:
             found.append(SmallestChange(name, values[name], "—", "not noticed"))
             continue
-        least, c = min(known, key=lambda item: item[0])
-        change = c.detectable[name]
-        size = f"{number(100 * least, 2)} %" if change.relative else format_change(change)
+        change, c = smallest
+        size = f"{number(100 * change.size, 2)} %" if change.relative else format_change(change)
         found.append(
             SmallestChange(
                 name, values[name], size, f"{c.channel}, {c.run}, {format_solver(c.solver)}"
             )
         )
-    return found
-
-
-def judged_changes(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:
-    """Return the detectable changes of the checked channels, by parameter."""
-    found: dict[str, list[DetectableChange]] = {}
-    for c in rows:
-        checked = c.outcome in CHECKED_OUTCOMES
-        for p, change in c.detectable.items() if checked else ():
-            found.setdefault(p, []).append(change)
     return found
 
 
