@@ -16,7 +16,7 @@ class Bracket:
     Attributes
     ----------
     holds, breaks : float
-        The two values [their unit], both positive; NaN for one that is not known.
+        The two values, both positive; NaN for one that is not known [its unit].
     """
 
     holds: float
@@ -33,7 +33,7 @@ class Bracket:
 
     @property
     def middle(self) -> float:
-        """The geometric mean of the two values [their unit].
+        """The geometric mean of the two values [its unit].
 
         >>> Bracket(2.0, 0.5).middle
         1.0
@@ -41,7 +41,7 @@ class Bracket:
         return sqrt(self.holds * self.breaks)
 
     def inside(self, value: float, margin: float) -> float:
-        """The value nearest to a given one that is away from both ends [their unit].
+        """The value nearest to a given one that is away from both ends [its unit].
 
         Its distance from each end is at least the share `margin` of the distance of the ends, on
         the logarithmic scale.

@@ -687,7 +687,7 @@ def test_a_free_motion_without_a_reference_is_given_up_after_one_round(tmp_path)
     All settings with the longest step are tried; the setting of the model, with a shorter one, is
     not, and no engine runs.
     """
-    models = Path(__file__).parents[3] / "examples" / "chosen" / "models"
+    models = Path(__file__).parents[2] / "data" / "chosen"
     text = (models / "double_pendulum.xml").read_text(encoding="utf-8")
     stopped = text.replace('range="-170 170"', 'range="-170 170" margin="0.1"')
     assert stopped != text
