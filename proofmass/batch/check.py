@@ -6,7 +6,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExec
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 from proofmass.base.display import ShownAsHtml
 from proofmass.base.errors import InputError, model_error
@@ -17,13 +17,6 @@ from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.batch.pool import ClusterError, pool, size_of
 from proofmass.case.case import Case
 from proofmass.case.inputs import MODEL_ENDING, SIDECAR_ENDING, is_of_others, names_program
-from proofmass.evidence.diagnosis import (
-    Diagnosis,
-    Explanation,
-    confirm_cause,
-    describe_failure,
-    find_causes,
-)
 from proofmass.reference.reference import run_samples
 from proofmass.reference.run_reference import shared_reference
 from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
@@ -49,6 +42,9 @@ from proofmass.verdict.refinement import (
     refined_errors,
     refinement_runs,
 )
+
+if TYPE_CHECKING:
+    from proofmass.evidence.diagnosis import Diagnosis, Explanation
 
 CheckTask = tuple[Case, Kind, str] | FinerRun | Path
 LOADING_SECONDS = 60.0  # [s], the time limit of reading a sidecar
@@ -81,7 +77,7 @@ class Result(ShownAsHtml):
     curves: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
     refined: list[RefinedRow] = field(default_factory=list)
     failed: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
-    diagnoses: dict[tuple[str, str, str], Diagnosis] = field(default_factory=dict)
+    diagnoses: dict[tuple[str, str, str], "Diagnosis"] = field(default_factory=dict)
     notes: dict[tuple[str, str, str], tuple[str, ...]] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
@@ -673,7 +669,7 @@ def diagnosis_steps(result: Result) -> Iterator[CheckStep]:
         )
 
 
-def keep_diagnosis(result: Result, key: tuple[str, str, str], future: Future[Diagnosis]) -> None:
+def keep_diagnosis(result: Result, key: tuple[str, str, str], future: "Future[Diagnosis]") -> None:
     """Add a diagnosis to the result."""
     result.diagnoses[key] = future.result()
 
@@ -701,18 +697,20 @@ def share_causes(result: Result, executor: Executor) -> None:
             result.diagnoses[key] = replace(old, causes=(cause, *old.causes))
 
 
-def is_about(cause: Explanation, case: Case) -> bool:
+def is_about(cause: "Explanation", case: Case) -> bool:
     """Whether a cause is in the model of a case."""
     model = os.path.realpath(case.model_path)
     return any(os.path.realpath(fault.file) == model for fault in cause.faults)
 
 
-def confirm_run(case: Case, run: Kind, solver: str, cause: Explanation) -> Explanation | None:
+def confirm_run(case: Case, run: Kind, solver: str, cause: "Explanation") -> "Explanation | None":
     """Do what `confirm_cause` does, in a worker; None if that fails."""
+    from proofmass.evidence.diagnosis import confirm_cause
+
     limits = {"timeout": CAUSES_SECONDS, "memory": case.run[run].memory}
     try:
         found = call_isolated(confirm_cause, case, run, solver, cause, **limits)
-        return cast(Explanation | None, found)
+        return cast("Explanation | None", found)
     except Exception:  # the run keeps the causes that it has
         return None
 
@@ -724,8 +722,10 @@ def diagnose_run(
     curves: Curves,
     failed: bool = False,
     thorough: bool = True,
-) -> Diagnosis:
+) -> "Diagnosis":
     """Search for the causes of one run in a worker; a search that fails gives its own error."""
+    from proofmass.evidence.diagnosis import Diagnosis, describe_failure, find_causes
+
     search = describe_failure if failed else partial(find_causes, thorough=thorough)
     limits = {"timeout": CAUSES_SECONDS, "memory": case.run[run].memory}
     try:

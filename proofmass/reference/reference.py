@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from mujoco import MjModel
@@ -40,11 +40,15 @@ from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model, model_key
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, BadRod, NotSolved, Unsupported
 from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
-from proofmass.sim.smooth import SmoothTerms
 
 DriveProfile = InProportion | FunctionProfile | SampledProfile | Samples | Steady | Swing
 DRIVE_PREFIX, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
 """Names of the prescribed motion of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
+if TYPE_CHECKING:
+    from mujoco import MjModel
+
+    from proofmass.sim.smooth import SmoothTerms
+
 CONTROL_UNITS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
 """SI units that the control of a motor or of a servo may have."""
 END_SHARE = 0.01
@@ -52,8 +56,15 @@ END_SHARE = 0.01
 RESULTS_IN_MEMORY = 64
 """Number of compiled models and read curves in memory; a study tries many numbers of rod links."""
 compile_once = lru_cache(RESULTS_IN_MEMORY)(lambda file, content, rods: compile_model(file, rods))
-smooth_terms = lru_cache(8)(SmoothTerms)
 place_once = lru_cache(RESULTS_IN_MEMORY)(Recording.place)
+
+
+@lru_cache(8)
+def smooth_terms(model: "MjModel", start: str = "start") -> "SmoothTerms":
+    """MuJoCo's terms of the equations of motion of a model, for the spatial solver."""
+    from proofmass.sim.smooth import SmoothTerms  # it loads that solver, which few cases need
+
+    return SmoothTerms(model, start)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,7 +34,9 @@ from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, BadSetting, Diverged, Unsupported
 from proofmass.sim.protocol.run import STEP_ROUNDING, ChangingLoad, Drive, Run
 from proofmass.sim.protocol.settings import BY_CHANNEL, BY_JOINT, FILE_MARK
-from proofmass.sim.protocol.tuning import Studied
+
+if TYPE_CHECKING:
+    from proofmass.sim.protocol.tuning import Studied
 
 LIMIT_ROUNDING = 1e-12
 """Distance by which a drive may pass its joint's limit, since it may end on it [rad or m]."""
@@ -128,8 +130,10 @@ def plan_run(case: Case, kind: Kind, solver: str) -> Run:
     return replace(prescribed_run(case, kind), settings=settings)
 
 
-def describe_dynamics(case: Case) -> Studied:
+def describe_dynamics(case: Case) -> "Studied":
     """The description of a case's dynamics run from which an engine lists settings to try."""
+    from proofmass.sim.protocol.tuning import Studied  # for studies; a check needs none
+
     driven = bool(case.drive)
     return Studied(
         compiled_model(case),

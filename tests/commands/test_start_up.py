@@ -6,17 +6,24 @@ import sys
 import pytest
 
 SLOW_PACKAGES = {"numpy", "scipy", "mujoco", "pymunk", "pydantic", "pint", "matplotlib"}
+MAX_OWN_MODULES = 75
+"""Number of modules of this package that a check may load before it knows its cases."""
 
 
-def packages_loaded_by(code: str) -> set[str]:
-    """Top-level packages that a new interpreter has loaded after some lines of code."""
+def modules_loaded_by(code: str) -> set[str]:
+    """Modules that a new interpreter has loaded after some lines of code."""
     done = subprocess.run(
         [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"],
         capture_output=True,
         text=True,
         check=True,
     )
-    return {name.partition(".")[0] for name in done.stdout.splitlines()[-1].split()}
+    return set(done.stdout.splitlines()[-1].split())
+
+
+def packages_loaded_by(code: str) -> set[str]:
+    """Top-level packages that a new interpreter has loaded after some lines of code."""
+    return {name.partition(".")[0] for name in modules_loaded_by(code)}
 
 
 def test_help_loads_no_engine_and_no_numerics() -> None:
@@ -41,6 +48,16 @@ def test_importing_check_loads_neither_scipy_nor_matplotlib() -> None:
     assert not {"scipy", "pymunk", "matplotlib", "pint", "tomlkit"} & packages_loaded_by(
         "import proofmass.batch.check"
     )
+
+
+def test_importing_check_loads_no_module_that_few_checks_need() -> None:
+    """These are loaded for a run that differs, for motions in space, and for studies."""
+    loaded = modules_loaded_by("import proofmass.batch.check")
+    own = {name for name in loaded if name.partition(".")[0] == "proofmass"}
+    folders = ("proofmass.evidence", "proofmass.analytic.spatial", "proofmass.studies")
+    assert not [name for name in own if name.startswith(folders)]
+    assert "proofmass.sim.protocol.tuning" not in own
+    assert len(own) <= MAX_OWN_MODULES
 
 
 @pytest.mark.parametrize("before", ["", "import proofmass.batch.check, proofmass.verdict.compare"])
