@@ -79,6 +79,18 @@ def check_number(**values: float) -> None:
         check_finite(**{name: value})
 
 
+def check_count(**values: float) -> None:
+    """Raise a ValueError that names the first value that is no whole number from 1 on.
+
+    >>> check_count(balls=2.5)
+    Traceback (most recent call last):
+    ValueError: balls must be a whole number from 1 on, got 2.5
+    """
+    for name, value in values.items():
+        if np.ndim(value) or not (value >= 1 and value % 1 == 0):
+            raise ValueError(f"{name} must be a whole number from 1 on, got {value}")
+
+
 def check_finite(**values: ArrayLike) -> None:
     """Raise a ValueError that names the first value with an entry that is not finite.
 

@@ -30,7 +30,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.chart import Chart
-from proofmass.analytic.numerics import check_finite, check_not_negative, check_positive
+from proofmass.analytic.numerics import (
+    check_count,
+    check_finite,
+    check_not_negative,
+    check_positive,
+)
 from proofmass.base.arrays import Array
 from proofmass.base.errors import suggest_names
 
@@ -105,8 +110,9 @@ class Whole:
 
     def check(self, name: str, value: Value) -> None:
         """Raise a ValueError that names a value that is none."""
-        if not isinstance(value, int | float) or value % 1 or value < 1:
-            raise ValueError(f"{name} must be a whole number from 1 on, got {value}")
+        if isinstance(value, str):
+            raise ValueError(f"{name} must be a whole number, got {value!r}")
+        check_count(**{name: float(value)})
 
 
 @dataclass(frozen=True)
@@ -502,7 +508,10 @@ class ClosedForm(Reference):
         cls.parameters = with_defaults_of(function, cls)
 
     def check(self, values: Mapping[str, Value]) -> None:
-        """Leave the check of values to the function."""
+        """Leave the check of numbers to the function, and refuse a text in the place of one."""
+        for name, value in values.items():
+            if isinstance(value, str):
+                self.parameters[name].kind.check(name, value)
 
     def solve(self, motion: InputMotion, ask: Ask) -> dict[str, Array]:
         """Curves by name, (n,) each [SI, rad], see the function."""

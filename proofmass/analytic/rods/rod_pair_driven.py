@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from proofmass.analytic.numerics import check_finite
+from proofmass.analytic.numerics import check_finite, check_number
 from proofmass.analytic.protocol import (
     BendingStiffness,
     ClosedForm,
@@ -304,6 +304,8 @@ def solve(
     theta = np.asarray(angle, float)
     if theta.ndim != 2 or len(theta) != 2 or not theta.size:
         raise ValueError(f"angle must hold theta1 and theta2, (2, n), got {theta.shape}")
+    check_number(pin_x=pin_x, pin_y=pin_y, moment1=moment1, moment2=moment2)
+    check_number(push_x=push_x, push_y=push_y)
     check_finite(angle=theta.sum(), rate=np.sum(rate), force_x=force_x, force_y=force_y)
     load, growth = loads_and_rates(theta.shape[1:], load_rates, force_x=force_x, force_y=force_y)
     problem = distance, length, stiffness, *load[0].tolist()

@@ -6,7 +6,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.numerics import check_positive
+from proofmass.analytic.numerics import (
+    check_count,
+    check_not_negative,
+    check_number,
+    check_positive,
+)
 from proofmass.analytic.protocol import (
     Angle,
     BendingStiffness,
@@ -110,6 +115,10 @@ def solve(
     >>> [round(float(three[name][0]), 6) for name in ("x", "y", "phi", "hold2")]
     [0.006759, 0.011078, -1.394088, 0.075531]
     """
+    check_count(inflections=inflections)
+    check_not_negative("m", rigid_extension=rigid_extension)
+    check_number(theta1=theta1, theta2=theta2, theta3=theta3, moment=moment)
+    check_number(force_x=force_x, force_y=force_y)
     found = equilibrium_of_mode(
         PlatformProblem(
             side,

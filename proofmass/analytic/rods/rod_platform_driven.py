@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.chart import Chart
+from proofmass.analytic.numerics import check_count, check_finite, check_not_negative, check_number
 from proofmass.analytic.protocol import (
     Angle,
     BendingStiffness,
@@ -215,9 +216,14 @@ def solve(
     >>> round(float(start["phi"][0]) * 180 / np.pi, 4), abs(float(start["hold1"][0])) < 1e-8
     (60.0, True)
     """
-    q = np.asarray(inputs, float)
+    q, guides = np.asarray(inputs, float), {"guide1": guide1, "guide2": guide2, "guide3": guide3}
     if q.shape[:1] != (3,):
         raise ValueError(f"inputs must be those of three rods, (3, ...), got {q.shape}")
+    check_count(inflections=inflections)
+    check_not_negative("m", rigid_extension=rigid_extension)
+    check_finite(force_x=force_x, force_y=force_y, moment=moment)
+    check_number(theta1=theta1, theta2=theta2, theta3=theta3)
+    check_number(**{n: g for n, g in guides.items() if g is not None})
     path = q.reshape(3, -1).T
     load, growth = loads_and_rates(
         q.shape[1:], load_rates, force_x=force_x, force_y=force_y, moment=moment

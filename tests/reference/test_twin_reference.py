@@ -7,6 +7,7 @@ elliptic functions of proofmass's own, so that they are also a check of that.
 
 import os
 import re
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,6 +27,7 @@ from proofmass.reference.find import find_reference, load_reference, reference_n
 from proofmass.run.fingerprint import input_files
 from tests.shipped import shipped
 
+ROOT = Path(__file__).parents[2]
 SOURCE = '''
 from __future__ import annotations
 
@@ -113,8 +115,9 @@ def install(folder: Path, module: str, source: str, **names: str) -> None:
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder with a distribution that offers the reference ``twin`` and some faulty ones."""
     folder = tmp_path_factory.mktemp("site")
-    names = {"twin": "Swing", "lost": "Sving", "foreign": "np", "fourbar": "Swing"}
+    names = {"twin": "Swing", "lost": "Sving", "foreign": "np", "double": "Swing"}
     install(folder, "twin_reference", SOURCE, **names)
+    install(folder, "other_twin", SOURCE, double="Swing")
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(folder)
         forget()
@@ -205,7 +208,7 @@ def test_references_are_listed_without_being_imported(site):
         ("twyn", "no reference 'twyn'; did you mean 'twin'?"),
         ("lost", "reference 'lost', of twin_reference: twin_reference:Sving cannot be loaded: "),
         ("foreign", "twin_reference:np is no class of proofmass.analytic.protocol.Reference"),
-        ("fourbar", "two references have the name 'fourbar': proofmass.analytic.linkages.fourbar"),
+        ("double", "two references have the name 'double': other_twin:Swing of other_twin and "),
     ],
 )
 def test_a_reference_that_cannot_be_used_is_one_line_with_its_place(site, tmp_path, name, words):
@@ -272,6 +275,14 @@ def test_bad_input_of_a_program_names_the_key_of_the_sidecar(tmp_path, old, new,
     assert words in str(error)
 
 
+@pytest.mark.parametrize("text", ["250 kg", "long"])
+def test_a_text_in_the_place_of_a_number_is_refused_with_the_unit(models, edit, text):
+    edit("fourbar.toml", r"crank = 1.0\b.*", f'crank = "{text}"')
+    (error,) = check([models / "fourbar.toml"], jobs=1).errors
+    assert error.key == "parameters"
+    assert error.wrong == f"crank must be a number [m], got '{text}'"
+
+
 def test_a_program_outside_the_folder_of_the_sidecar_is_refused(tmp_path):
     (tmp_path / "inside").mkdir()
     write_sidecar(tmp_path, "twin.py")
@@ -312,3 +323,18 @@ def test_a_program_that_hangs_or_aborts_costs_its_own_case_only(tmp_path):
     outcomes = {c.case: (c.outcome, c.message) for c in result.comparisons}
     assert outcomes["ends/swing"] == ("crashed", "exit code 7")
     assert outcomes["swing/swing"][0] == "agrees"
+
+
+def test_the_example_of_the_page_agrees_and_its_mutation_is_found(tmp_path):
+    """Two files beside a model are all that a stranger writes."""
+    for file in (ROOT / "examples" / "yoke").iterdir():
+        shutil.copy(file, tmp_path)
+    sidecar = tmp_path / "yoke.toml"
+    found = check([sidecar])
+    assert [c.outcome for c in found.comparisons].count("agrees") == 23, found.errors
+    assert "differs" not in {c.outcome for c in found.comparisons}
+    sidecar.write_text(sidecar.read_text().replace("crank = 0.5 ", "crank = 0.505 "))
+    answer = CliRunner().invoke(app, ["check", str(sidecar)])
+    assert answer.exit_code == 1
+    words = " ".join(answer.output.split())
+    assert "crank is 0.505 m; with 0.5 m all 23 curves of 4 runs agree" in words
