@@ -59,7 +59,7 @@ The following changes of the case are tried:
   engine is then run again with changed models. It also finds a wrong number where the reference
   is a recorded curve, or where the reference reads the model itself and a channel is compared with
   a number;
-- stops without a rebound, if those of the model have one;
+- stops without a rebound, if those of the model have one and the engine's have none;
 - the settings in which a run differs from another one of the same engine that agrees, one by one;
 - half the time step, twice as many segments of rods, and other settings with which the engine
   should have a smaller error, such as half of MuJoCo's `solref` or more iterations of pymunk's

@@ -37,7 +37,7 @@ from proofmass.evidence.diagnosis.settings import (
     with_settings,
     with_settings_of,
 )
-from proofmass.reference.reference import evaluate
+from proofmass.reference.reference import evaluate, run_samples
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve_here
 from proofmass.sim.protocol.failures import Diverged
@@ -459,6 +459,7 @@ def test_runs_of_the_same_engine_are_compared_until_the_budget_is_spent(euler, m
     assert residuals.log.untried == ["the settings of mujoco"]
     monkeypatch.setattr(settings, "MAX_SETTING_STEPS", 200)
     assert len([*sibling_causes(residuals)]) == 1
+    monkeypatch.setattr(settings, "agreeing_run", None)  # no run is made in an equilibrium
     residuals.run = "equilibrium"
     residuals.case = euler.model_copy(update={"run": {"equilibrium": euler.run["dynamics"]}})
     assert [*sibling_causes(residuals)] == []
@@ -492,6 +493,22 @@ def test_half_the_time_step_halves_the_error_of_euler(euler):
     residuals.curves = replace(residuals.curves, steps=60_001)
     assert [*finer_causes(residuals)] == []
     assert setting_changes(residuals) == []
+
+
+def test_rods_get_twice_as_many_segments(monkeypatch):
+    case = load_case(shipped("rod_cantilever.toml"))
+    curves = evaluate(case, "equilibrium", run_samples(case, "equilibrium"), None)
+    residuals = Residuals(case, "equilibrium", "mujoco", curves)
+    asked = []
+    monkeypatch.setattr(
+        settings, "run_finer", lambda _, words, changed: asked.append((words, changed))
+    )
+    assert len([*finer_causes(residuals)]) == 1
+    ((words, changed),) = asked
+    assert words == "twice as many segments"
+    assert changed.rod
+    for name, rod in changed.rod.items():
+        assert rod.segments == 2 * case.rod[name].segments
 
 
 def test_the_run_of_a_changed_case_is_compared_at_the_tolerances_of_the_case(euler):
