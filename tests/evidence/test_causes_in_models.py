@@ -12,7 +12,12 @@ import pytest
 
 from proofmass.case.case import Case
 from proofmass.evidence.diagnosis import fit, settings
-from proofmass.evidence.diagnosis.causes import causes_of_model, find_causes, with_mirrors
+from proofmass.evidence.diagnosis.causes import (
+    causes_of_model,
+    find_causes,
+    parameter_sign_causes,
+    with_mirrors,
+)
 from proofmass.evidence.diagnosis.explanation import Diagnosis, Explanation
 from proofmass.evidence.diagnosis.failure import describe_shorter_steps, describe_stability
 from proofmass.evidence.diagnosis.fit import ModelResiduals, Residuals, SearchBudget, rms
@@ -259,6 +264,20 @@ def test_the_sign_of_gravity_is_named(short):
     assert residuals.log.untried == [
         "1 of 2 signs of gravity, of a spring, a load, a gear or an axis in the model"
     ]
+
+
+def test_the_signs_of_parameters_that_are_tried_are_counted(short):
+    residuals = residuals_of(short())
+    *_, amplitude = parameter_sign_causes(residuals)
+    assert amplitude.changes == {"amplitude": (-np.pi / 2, np.pi / 2)}
+    assert (amplitude.kind, amplitude.free) == ("sign", 0)
+    residuals.budget = SearchBudget(2.0)
+    assert len([*parameter_sign_causes(residuals)]) <= 2
+    assert residuals.log.tried == [
+        "each sign of a parameter of the reference",
+        "2 of 4 signs of a parameter of the reference",
+    ]
+    assert residuals.log.untried == ["2 of 4 signs of a parameter of the reference"]
 
 
 def test_a_spring_has_a_sign_as_well(short):
@@ -544,9 +563,9 @@ def test_a_shorter_step_with_which_a_run_ends_is_looked_for(short, monkeypatch):
     assert asked == [5e-4, 2.5e-4]
     assert fail_until(0.0) == ["with time steps down to 1.56e-5 s it fails as well"]
     assert len(asked) == 2 + 6
-    monkeypatch.setattr("proofmass.evidence.diagnosis.failure.MAX_RUN_STEPS", 900)
+    monkeypatch.setattr("proofmass.evidence.diagnosis.failure.MAX_RUN_STEPS", 800)
     assert fail_until(0.0) == ["with time steps down to 2.5e-4 s it fails as well"]
-    monkeypatch.setattr("proofmass.evidence.diagnosis.failure.MAX_RUN_STEPS", 300)
+    monkeypatch.setattr("proofmass.evidence.diagnosis.failure.MAX_RUN_STEPS", 399)
     assert fail_until(0.0) == []
 
 

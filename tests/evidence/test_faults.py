@@ -363,3 +363,14 @@ def test_a_cause_is_ranked_by_what_it_explains_less_its_freedom(free, handicap):
     assert rank_key(replace(make_cause(), free=free)) == (pytest.approx(handicap - 1.0), 3e-14)
     assert rank_key(replace(make_cause("a"), free=free))[0] == pytest.approx(handicap - 0.5)
     assert rank_key(replace(make_cause("", "c"), free=free)) == (0.0, 3e-14)
+
+
+def test_an_attribute_may_go_over_several_lines(tmp_path):
+    file = tmp_path / "a.xml"
+    file.write_text("<mujoco>\n<body\n  name=\"a é>\"\n  pos = '1\n 2e-3\t3' />\n</mujoco>")
+    found = [attribute_value(file, 1, "pos", part) for part in range(4)]
+    assert [(one.line, one.literal) for one in found] == [(4, "1"), (5, "2e-3"), (5, "3"), (4, "")]
+    assert found[1].instead("2.5") == "2.5\t3' />"
+    assert attribute_value(file, 1, "os", 0).line == 2
+    assert attribute_value(file, 1, "name", 1).literal == "é>"
+    assert attribute_value(file, 2, "pos", 0) is None
