@@ -202,6 +202,18 @@ def test_channels_that_are_not_listed_are_filled_in_by_an_asterisk_only(tmp_path
     assert position.unit == ("rad", "m", "mm")
 
 
+def test_a_moment_without_inertia_is_a_channel_of_sweeps_alone(tmp_path):
+    """The reference of the shaft knows no inertia, so that its moment is not that of dynamics."""
+    assert shipped_case(shipped("shaft_pendulum.toml")).channels["holding_moment"].only == "sweep"
+    (tmp_path / "shaft.xml").write_bytes(shipped("shaft_pendulum.xml").read_bytes())
+    text = shipped("shaft_pendulum.toml").read_text(encoding="utf-8")
+    sidecar = tmp_path / "shaft.toml"
+    sidecar.write_text(text.partition("[run")[0] + "[run.dynamics]\n", encoding="utf-8")
+    dynamics = load_case(sidecar)
+    assert "holding_moment" not in dynamics.channels
+    assert "holding_moment" in dynamics.unmatched
+
+
 def test_a_sensor_without_a_quantity_is_reported(tmp_path):
     write_short_case(tmp_path)
     model = tmp_path / "short.xml"
@@ -271,6 +283,7 @@ def test_a_fault_in_defaults_is_reported_with_its_key(more, tables, words, tmp_p
         ("guide_moment.z", "N m", "guide_moment"),
         ("slider_velocity.z", "m/s", None),
         ("rocker", "rad", "rocker_angle"),
+        ("rocker.tip", "rad", None),  # no "rocker.tip_angle"
         ("slide", "m", "slide"),
         ("crank", "m", None),
     ],
@@ -285,6 +298,7 @@ def test_a_channel_has_the_quantity_of_its_name(channel, unit, quantity):
         "coupler_angle",
         "coupler_rate",
         "rocker_angle",
+        "rocker.tip_angle",
         "slide",
         "slider_velocity",
         "guide_moment",
