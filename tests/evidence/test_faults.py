@@ -363,6 +363,7 @@ def test_a_cause_is_ranked_by_what_it_explains_less_its_freedom(free, handicap):
     assert rank_key(replace(make_cause(), free=free)) == (pytest.approx(handicap - 1.0), 3e-14)
     assert rank_key(replace(make_cause("a"), free=free))[0] == pytest.approx(handicap - 0.5)
     assert rank_key(replace(make_cause("", "c"), free=free)) == (0.0, 3e-14)
+    assert rank_key(replace(make_cause(""), free=free)) == (0.0, 3e-14)
 
 
 def test_an_attribute_may_go_over_several_lines(tmp_path):

@@ -351,6 +351,7 @@ def test_a_tolerance_of_its_own_replaces_those_of_its_run_and_engine_alone(tmp_p
             {"a": [1.0, 10**50]},
             [(("a", 1), "100000000... is too large; numbers may be up to 1e+40")],
         ),
+        ({"a": [1.0, -2e40]}, [(("a", 1), "-2e+40 is too large; numbers may be up to 1e+40")]),
         ({"a": -9e-41}, [(("a",), "-9e-41 is too small; numbers other than 0 begin at 1e-40")]),
     ],
 )
