@@ -359,6 +359,7 @@ def test_numbers_near_the_limits_of_floats_are_found(table, found):
     assert list(find_extremes(table)) == found
 
 
+FILE = Path("a.toml")  # of a sidecar that is not read
 BOTH, TIMED = ["mujoco", "pymunk"], ["mujoco", "mujoco:default", "pymunk", "pymunk:default"]
 FULL_RUNS = {
     "sweep": {"n": 361, "solvers": BOTH},
@@ -371,32 +372,32 @@ FULL_RUNS = {
 @pytest.mark.parametrize("kind", FULL_RUNS)
 def test_each_kind_of_run_gets_its_samples_and_solvers(kind):
     table = {"reference": "planar", "run": {kind: {}}}
-    assert fill_runs(table) == {**table, "run": {kind: FULL_RUNS[kind]}}
+    assert fill_runs(table, FILE) == {**table, "run": {kind: FULL_RUNS[kind]}}
     given = {kind: {"n": 7, "solvers": ["pymunk"]}}
-    assert fill_runs({**table, "run": given})["run"] == given
+    assert fill_runs({**table, "run": given}, FILE)["run"] == given
 
 
 def test_a_drive_alone_gets_a_sweep_and_dynamics():
     table = {"reference": "planar", "drive": {"joint": "crank"}}
     runs = {kind: FULL_RUNS[kind] for kind in ("sweep", "dynamics")}
-    assert fill_runs(table) == {**table, "run": runs}
-    recorded = fill_runs({**table, "reference": "rig.csv"})["run"]  # the rows are the samples
+    assert fill_runs(table, FILE) == {**table, "run": runs}
+    recorded = fill_runs({**table, "reference": "rig.csv"}, FILE)["run"]  # the rows are the samples
     assert recorded == {kind: {"solvers": run["solvers"]} for kind, run in runs.items()}
 
 
 @pytest.mark.parametrize("more", [{}, {"run": 3}, {"run": [{}]}])
 def test_runs_that_cannot_be_filled_in_are_left_to_the_case(more):
     table = {"reference": "planar", **more}
-    assert fill_runs(table) == table
+    assert fill_runs(table, FILE) == table
     odd = {"reference": "planar", "run": {"sweep": 3, "slow": {}}}
-    assert fill_runs(odd)["run"] == {"sweep": 3, "slow": {}}
+    assert fill_runs(odd, FILE)["run"] == {"sweep": 3, "slow": {}}
 
 
 def test_a_motion_in_space_has_the_engines_that_can_run_it():
     asked = {"run": {"dynamics": {}}}
-    in_space = fill_runs({**asked, "reference": "spatial"})["run"]["dynamics"]["solvers"]
+    in_space = fill_runs({**asked, "reference": "spatial"}, FILE)["run"]["dynamics"]["solvers"]
     assert in_space == ["mujoco", "mujoco:default"]
-    planar = fill_runs({**asked, "reference": "planar"})["run"]["dynamics"]["solvers"]
+    planar = fill_runs({**asked, "reference": "planar"}, FILE)["run"]["dynamics"]["solvers"]
     assert planar == ["mujoco", "mujoco:default", "pymunk", "pymunk:default"]
 
 
