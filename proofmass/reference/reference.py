@@ -743,8 +743,11 @@ def solve_closely_once(
 def properties(case: Case, beside: str | None = None) -> dict[str, str]:
     """Properties of the mechanism as a whole, such as its class, limits and stroke, if any."""
     reference = reference_class(case)
-    if reference is None or reference.properties is Reference.properties:
+    if reference is None:
         return {}
+    known = describe_error(reference)
+    if reference.properties is Reference.properties:
+        return known
     parameters = case.parameters if beside is None else case.compare_with[beside].parameters
     kind = next(iter(case.run))
     x, ask = run_samples(case, kind), Ask()
@@ -756,9 +759,18 @@ def properties(case: Case, beside: str | None = None) -> dict[str, str]:
             value, rate, acceleration = map(np.array, zip(*drives, strict=True))
             motion = InputMotion(x, (value, rate, acceleration))
     try:
-        return reference(**parameters).properties(motion, ask)
+        return {**reference(**parameters).properties(motion, ask), **known}
     except (TypeError, ValueError):  # the parameters are wrong, which the runs report
         return {}
+
+
+def describe_error(reference: type[Reference]) -> dict[str, str]:
+    """The own error of a reference in words; empty if it is not known."""
+    own = reference.own_error
+    if own is None:
+        return {}
+    words = f"below {own.error:.0e} of a curve, confirmed by {own.confirmed_by}"
+    return {"error of the reference": words}
 
 
 def compiled_model(case: Case) -> MjModel:

@@ -39,6 +39,7 @@ from proofmass.analytic.protocol import (
     Length,
     Mass,
     Mode,
+    OwnError,
     Position,
     VaryingMoment,
 )
@@ -612,6 +613,7 @@ def _crank_rocker_dead_centres(
 class FourBar(ClosedForm, function=solve, properties=properties):
     """Planar four-bar linkage: motion, coupler curve, moments and forces."""
 
+    own_error = OwnError(1e-12, "the general planar solver, for random lengths")
     covers_inertia = True
     selects = True
 

@@ -35,6 +35,7 @@ from proofmass.analytic.protocol import (
     Mass,
     Mode,
     MomentOfInertia,
+    OwnError,
     Position,
     Quantity,
 )
@@ -287,6 +288,7 @@ def _rod_direction(separation: Complex, rounding: float, a1: Array, a2: Array) -
 class InvertedSliderCrank(ClosedForm, function=solve):
     """Inverted slider-crank: a rod on a driven crank slides through the tip of a driven bar."""
 
+    own_error = OwnError(1e-12, "the general planar solver, for random lengths")
     covers_inertia = True
     selects = True
 

@@ -38,6 +38,7 @@ from proofmass.analytic.protocol import (
     Length,
     Mass,
     Mode,
+    OwnError,
     Position,
     Quantity,
     VaryingForce,
@@ -410,6 +411,7 @@ def _coupler_derivatives(roots: list[tuple[float, Array, Array]], mode: int) -> 
 class SliderCrank(ClosedForm, function=solve, properties=properties):
     """Slider-crank on a guide of any inclination: motion, moment and forces, dead points."""
 
+    own_error = OwnError(1e-12, "the general planar solver, for random lengths")
     covers_inertia = True
     selects = True
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, find, given, settings
 from hypothesis import strategies as st
 
 from proofmass.analytic.planar import solve
+from proofmass.reference.find import find_reference, reference_names
 from tests.analytic.linkages.random_linkages import FAMILIES, Linkage
 
 RELAXED = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
@@ -42,3 +43,12 @@ def test_the_general_solver_agrees_with_the_closed_form(family, mechanisms):
         assert_agreement(linkage, inertia)
 
     run()
+
+
+def test_references_that_claim_this_confirmation_are_confirmed_here():
+    claimed = {
+        one.function
+        for one in map(find_reference, reference_names())
+        if one.own_error and "random lengths" in one.own_error.confirmed_by
+    }
+    assert claimed == {find(family, lambda _: True).solve for family in FAMILIES.values()}

@@ -29,6 +29,7 @@ from proofmass.analytic.protocol import (
     Length,
     Mass,
     Mode,
+    OwnError,
     Position,
     VaryingForce,
 )
@@ -58,6 +59,7 @@ __all__ = [
 class FiveBar(ClosedForm, function=solve, properties=properties):
     """Planar five-bar linkage with both cranks driven: motion, workspace, charts."""
 
+    own_error = OwnError(1e-12, "the general planar solver, for random lengths")
     covers_inertia = True
     selects = True
     charts = (

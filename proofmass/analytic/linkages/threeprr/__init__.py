@@ -35,6 +35,7 @@ from proofmass.analytic.protocol import (
     Length,
     Mass,
     OneOf,
+    OwnError,
     Position,
     VaryingForce,
     VaryingMoment,
@@ -69,6 +70,7 @@ __all__ = [
 class ThreePrr(ClosedForm, function=solve):
     """Rigid 3PRR planar parallel robot: motion, all poses, workspace, and charts."""
 
+    own_error = OwnError(1e-12, "the general planar solver, for random lengths")
     covers_inertia = True
     selects = True
     charts = (
