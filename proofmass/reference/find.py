@@ -9,7 +9,6 @@ sidecar, and not because it lies in a folder that is searched.
 import sys
 from functools import cache, lru_cache
 from hashlib import sha256
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
@@ -158,14 +157,12 @@ def run_program(file: Path, digest: str) -> type[Reference]:
 
 
 def import_program(file: Path, name: str) -> ModuleType:
-    """Run a Python file as a module of that name, without its folder on the path of imports."""
-    spec = spec_from_file_location(name, file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    sys.modules[name] = module  # where pickle finds its classes
+    """Run a Python file as a module of that name; nothing is written, and no path is searched."""
+    module = ModuleType(name)
+    module.__file__ = str(file)
+    sys.modules[name] = module  # where pickle and dataclasses find its classes
     try:
-        spec.loader.exec_module(module)
+        exec(compile(file.read_bytes(), str(file), "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         line = last_line(error, file)

@@ -306,6 +306,7 @@ def test_a_search_of_a_folder_runs_no_program(tmp_path, command):
 
 
 def test_a_changed_program_is_another_reference_and_another_input(tmp_path):
+    """It is read again, and leaves no other file in the folder."""
     file = write_sidecar(tmp_path, "twin.py")
     case = load_case(file)
     first = load_reference(case)
@@ -313,6 +314,7 @@ def test_a_changed_program_is_another_reference_and_another_input(tmp_path):
     assert file.with_name("twin.py") in input_files(case)
     (tmp_path / "twin.py").write_text(SOURCE.replace("= 9.81", "= 1.62"))
     assert load_reference(case) is not first
+    assert {one.name for one in tmp_path.iterdir()} == {"swing.toml", "twin.py"}
 
 
 def test_a_program_that_hangs_or_aborts_costs_its_own_case_only(tmp_path):
