@@ -84,7 +84,8 @@ def test_the_plugin_loads_nothing_where_there_is_no_sidecar(pytester):
     result.stdout.fnmatch_lines(
         [
             "LOADED proofmass proofmass.base proofmass.base.display proofmass.base.errors "
-            "proofmass.base.files proofmass.case proofmass.case.inputs *plugin"
+            "proofmass.base.files proofmass.base.installation proofmass.base.lines "
+            "proofmass.case proofmass.case.inputs *plugin"
         ]
     )
 

@@ -39,6 +39,12 @@ LARGE_MODEL = (
 )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def new_workers():
+    """Workers that were started before this file was imported do not find its functions."""
+    close_idle_workers()
+
+
 class Peculiar(Exception):
     """An exception that can be pickled but not unpickled."""
 

@@ -229,7 +229,10 @@ DRIVE_FAULTS = {
         "fivebar_circle.toml",
         r'profile = "circle"',
         'profile = "cirlce"',
-        ["drive.0.profile", "reference fivebar has no function 'cirlce'"],
+        [
+            "drive.0.profile",
+            "reference fivebar has no motion profile 'cirlce'; did you mean 'circle'?",
+        ],
     ),
     "a swing with a rate": (
         "triple_rocker.toml",

@@ -28,7 +28,9 @@ STEP = 1e-6
 """Time step [s] of the runs.  pymunk keeps a constraint violation of half the squared move in a
 step; its rates are the mean of two steps, from places with a rounding of 1e-16 m."""
 TIMES = STEP * np.arange(3.0)
-POSE_ROUNDING, RATE_ROUNDING = 1e-13, {"mujoco": 1e-12, "pymunk": 1e-8, "spatial": 1e-12}
+POSE_ROUNDING, RATE_ROUNDING = 1e-13, {"mujoco": 1e-12, "pymunk": 3e-8, "spatial": 1e-12}
+"""Differences from `planar` [rad or m, per s].  pymunk's: 1e-16 m over a step is 1e-10, times the
+condition of the loops of up to 100; the last digit of it depends on the processor."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +183,8 @@ def test_all_engines_and_references_start_alike(tmp_path: Path, seed: int):
     for name, curves in found.items():
         pose, speed = first_sample(curves, poses), first_sample(curves, rates)
         assert np.abs(pose - q).max() < POSE_TOLERANCE, name
-        assert np.abs(speed - v).max() < RATE_TOLERANCE * scale, name
+        rounding = RATE_ROUNDING.get(name, 0.0)
+        assert np.abs(speed - v).max() < (RATE_TOLERANCE + rounding) * scale, name
     for name, rounding in RATE_ROUNDING.items():
         apart = np.abs(first_sample(found[name], poses) - first_sample(found["planar"], poses))
         kept = 4 * (scale * STEP) ** 2 if name == "pymunk" else 0.0  # see STEP

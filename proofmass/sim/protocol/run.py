@@ -207,7 +207,7 @@ def fitting_samples(duration: float, timestep: float, samples: int) -> int:
     >>> fitting_samples(1.0, 0.0002, 361), fitting_samples(6.283, 0.001, 361)
     (501, 371)
     >>> fitting_samples(6.283, 0.001, 11)
-    (14, 371)
+    12
     """
     steps = whole_steps(duration, timestep)
     most = max(1, steps // (samples - 1))

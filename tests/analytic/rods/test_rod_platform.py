@@ -399,9 +399,9 @@ def test_neighbours_share_a_search(monkeypatch):
         ({"radius": 0.0}, "radius must be a positive finite length"),
         ({"stiffness": 0.0}, "stiffness must be finite and above 0"),
         ({"length": 0.5}, "clamps 1 and 2 are 1.73205 m apart, and their rods reach 1.2 m"),
-        ({"inflections": 0}, "modes must be 1, 2"),
+        ({"inflections": 0}, "inflections must be a whole number from 1 on"),
         ({"mode": 1.5}, "mode 1.5 is not there"),
-        ({"force_y": np.inf}, "load must be finite"),
+        ({"force_y": np.inf}, "force_y must be finite"),
     ],
 )
 def test_invalid_parameters_of_the_creep_are_refused(wrong, word):
