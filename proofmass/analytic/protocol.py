@@ -21,10 +21,10 @@ It is found by an entry point of the group ``proofmass.references``, or as a fil
 """
 
 import inspect
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Annotated, Any, ClassVar, get_type_hints
+from typing import Annotated, Any, ClassVar, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -183,17 +183,6 @@ class Parameter:
         return self.kind.unit
 
 
-class UnknownParameter(ValueError):
-    """A reference has no parameter of that name; the message names the nearest ones."""
-
-    def __init__(self, name: str, known: Collection[str]) -> None:
-        super().__init__(name, tuple(known))
-        self.name, self.known = name, tuple(known)
-
-    def __str__(self) -> str:
-        return f"no such parameter {self.name!r}; {suggest_names(self.name, self.known, 'known')}"
-
-
 @dataclass(frozen=True)
 class InputMotion:
     """The places at which curves are wanted, and the motion of the drives there.
@@ -264,6 +253,19 @@ class ModelRun:
     terms: Callable[[], Any]
     solve_closely: Callable[[Array], dict[str, Array]]
     evidence: Callable[[], str]
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """What both general solvers take by keyword."""
+        return {
+            "model": self.model,
+            "start": self.start,
+            "joints": self.joints,
+            "controls": self.controls,
+            "control_rates": self.control_rates,
+            "in_time": self.in_time,
+            "control_profiles": self.control_profiles,
+        }
 
 
 @dataclass(frozen=True)
@@ -374,7 +376,8 @@ class Reference:
     def __init__(self, **values: Value) -> None:
         for name in values:
             if name not in self.parameters:
-                raise UnknownParameter(name, self.parameters)
+                hint = suggest_names(name, self.parameters, "known")
+                raise ValueError(f"no such parameter {name!r}; {hint}")
         missing = [
             one
             for one in self.parameters.values()
@@ -454,7 +457,7 @@ def read_fields(cls: type[Reference]) -> dict[str, Parameter]:
     found = {}
     hints = get_type_hints(cls, include_extras=True)
     for name in vars(cls).get("__annotations__", {}):
-        if hints[name] in (ClassVar, Any) or getattr(hints[name], "__origin__", None) is ClassVar:
+        if ClassVar in (hints[name], get_origin(hints[name])):
             continue
         kinds = [k for k in getattr(hints[name], "__metadata__", ()) if isinstance(k, KINDS)]
         if len(kinds) != 1:

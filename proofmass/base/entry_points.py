@@ -43,6 +43,12 @@ def distribution_of(entry: EntryPoint) -> str:
     return str(entry.dist.name) if entry.dist else ""
 
 
+def foreign_distribution(group: str, name: str) -> str:
+    """The distribution that has an entry point; empty for one of this distribution."""
+    found = distribution_of(there[0]) if (there := entry_points_of(group).get(name)) else ""
+    return "" if found == OWN_DISTRIBUTION else found
+
+
 def load_entry_point(entry: EntryPoint, what: str) -> Any:
     """Import the object of an entry point.
 

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 NOT_INSTALLED = "none"
+PLUGIN_GROUPS = "proofmass.engines", "proofmass.references"
 COMPUTING_PACKAGES = "mujoco", "numpy", "pymunk", "scipy"  # on whose versions digits depend
 
 
@@ -18,7 +19,7 @@ def describe_installation() -> dict[str, str]:
     """What this Python computes with, each by the name that a message has for it.
 
     These are the versions of Python and of the packages that compute, and the versions and the code
-    of proofmass and of each distribution that provides an engine.
+    of proofmass and of each distribution that provides an engine or a reference.
 
     Returns
     -------
@@ -31,9 +32,9 @@ def describe_installation() -> dict[str, str]:
     found = {"Python": platform.python_version()}
     found |= {name: version_of(name) for name in COMPUTING_PACKAGES}
     found["proofmass"] = f"{version_of('proofmass')}, code {digest_files(files_of('proofmass'))}"
-    for entry in entry_points(group="proofmass.engines"):
-        if entry.dist is not None and entry.dist.name != "proofmass":
-            found[entry.dist.name] = f"{entry.dist.version}, code {digest_engines(entry.dist)}"
+    for entry in (one for group in PLUGIN_GROUPS for one in entry_points(group=group)):
+        if entry.dist is not None and entry.dist.name not in found:
+            found[entry.dist.name] = f"{entry.dist.version}, code {digest_plugins(entry.dist)}"
     return found
 
 
@@ -53,18 +54,18 @@ def own_version() -> str:
     return "0+unknown" if found == NOT_INSTALLED else found
 
 
-def digest_engines(dist: "Distribution") -> str:
-    """A digest of the Python files of a distribution that provides engines.
+def digest_plugins(dist: "Distribution") -> str:
+    """A digest of the Python files of a distribution that provides engines or references.
 
     These are all that it installed and, for one that is installed where it is developed, all of the
-    packages in which its engines are.
+    packages in which its engines and references are.
     """
     from pathlib import Path
 
     files = {str(one): Path(str(one.locate())) for one in dist.files or ()}
     found = {name: file for name, file in files.items() if file.suffix == ".py" and file.is_file()}
     for entry in dist.entry_points:
-        if entry.group == "proofmass.engines":
+        if entry.group in PLUGIN_GROUPS:
             found |= files_of(entry.module.partition(".")[0])
     return digest_files(found)
 

@@ -149,8 +149,9 @@ def find_in_folder(folder: Path, of_others: list[Path]) -> Iterator[Path]:
             if file.suffix == MODEL_ENDING and not file.with_suffix(SIDECAR_ENDING).exists()
         ]
         nothing = nothing and not found
-        programs += filter(names_program, found)
-        yield from (file for file in found if file not in programs)
+        by_kind = group_by(found, names_program)
+        programs += by_kind.get(True, [])
+        yield from by_kind.get(False, [])
     for error in unreadable:
         raise InputError(Path(error.filename), "", f"cannot be read: {error.strerror}")
     if programs:

@@ -43,7 +43,7 @@ from proofmass.base.recorded import RecordedColumn, RecordingTable
 from proofmass.base.strict import Kind, Strict, StrictNumber, Switch, WholeNumber
 from proofmass.base.units import si_unit
 from proofmass.base.worker import DEFAULT_MEMORY
-from proofmass.case.inputs import PROGRAM_ENDING
+from proofmass.case.inputs import is_program, is_recorded
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.protocol.run import Rod
 
@@ -625,12 +625,12 @@ class Case(Strict, ShownAsHtml):
     @property
     def program(self) -> bool:
         """Whether the reference is a program beside the sidecar."""
-        return self.reference.endswith(PROGRAM_ENDING)
+        return is_program(self.reference)
 
     @property
     def recorded(self) -> bool:
         """Whether the reference is a recorded curve."""
-        return self.reference.endswith(".csv")
+        return is_recorded(self.reference)
 
     @property
     def sampled_profiles(self) -> tuple[tuple[str, ProfileTable], ...]:

@@ -15,7 +15,8 @@ from proofmass.base.files import read_bytes
 from proofmass.base.lines import COMMENT
 
 REFERENCE = b"reference"  # the key that each sidecar has
-SIDECAR_ENDING, MODEL_ENDING, PROGRAM_ENDING = ".toml", ".xml", ".py"
+SIDECAR_ENDING, MODEL_ENDING = ".toml", ".xml"
+PROGRAM_ENDING, RECORDED_ENDING = ".py", ".csv"
 ROOT_ELEMENT = re.compile(rb"<([A-Za-z_][\w.-]*)")
 """The first tag of an XML file that is neither its declaration nor a comment."""
 
@@ -63,10 +64,22 @@ def words_of(value: object) -> Iterator[str]:
             yield from words_of(one)
 
 
+def is_program(reference: str) -> bool:
+    """Whether the reference that a sidecar names is a program, a Python file beside it."""
+    return reference.endswith(PROGRAM_ENDING)
+
+
+def is_recorded(reference: str) -> bool:
+    """Whether the reference that a sidecar names is a recorded curve."""
+    return reference.endswith(RECORDED_ENDING)
+
+
 def names_program(path: Path) -> bool:
-    """Whether a sidecar's reference is a program, a Python file beside it."""
-    table = parse_toml(content_of(path)) or {}
-    return str(table.get("reference", "")).endswith(PROGRAM_ENDING)
+    """Whether the reference of a sidecar is a program."""
+    content = content_of(path) or b""
+    if PROGRAM_ENDING.encode() not in content and b"\\" not in content:  # an escape may spell it
+        return False
+    return is_program(str((parse_toml(content) or {}).get("reference", "")))
 
 
 def content_of(path: Path) -> bytes | None:

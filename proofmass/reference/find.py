@@ -8,7 +8,6 @@ sidecar, and not because it lies in a folder that is searched.
 
 import sys
 from functools import cache, lru_cache
-from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 
@@ -25,7 +24,7 @@ from proofmass.base.recorded import RecordingTable, read_table
 from proofmass.base.recording import Recorded
 from proofmass.base.units import si_unit
 from proofmass.case.case import Case
-from proofmass.case.inputs import PROGRAM_ENDING
+from proofmass.case.inputs import is_program
 
 REFERENCE_GROUP = "proofmass.references"
 REFERENCES_IN_MEMORY = 64
@@ -118,11 +117,6 @@ def find_class(name: str, sidecar: Path) -> type[Reference]:
     return find_program(sidecar.parent / name)
 
 
-def is_program(name: str) -> bool:
-    """Whether the ``reference`` of a sidecar names a program beside it."""
-    return name.endswith(PROGRAM_ENDING)
-
-
 def find_program(file: Path) -> type[Reference]:
     """The reference that a program beside a sidecar defines.
 
@@ -133,13 +127,13 @@ def find_program(file: Path) -> type[Reference]:
     """
     if not file.is_file():
         raise NoReference(f"no such program {file.name}")
-    return run_program(file, sha256(file.read_bytes()).hexdigest()[:16])
+    return run_program(file, content_key(file))
 
 
 @lru_cache(REFERENCES_IN_MEMORY)
-def run_program(file: Path, digest: str) -> type[Reference]:
+def run_program(file: Path, content: str) -> type[Reference]:
     """Do what `find_program` does, once for each content of a file."""
-    module = import_program(file, f"proofmass_program_{digest}_{file.stem}")
+    module = import_program(file, f"proofmass_program_{content}_{file.stem}")
     own = [
         one
         for one in vars(module).values()

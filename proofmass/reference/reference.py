@@ -601,7 +601,7 @@ def call_reference(
     rates: dict[str, Array] = {}
     if case.load:
         parameters, rates = scale_parameters(case, kind, reference, x, parameters)
-    motion = InputMotion(np.asarray(x), None if state is None else state)
+    motion = InputMotion(np.asarray(x), state)
     ask = Ask(
         inertia=reference.covers_inertia and case.has_inertia(kind),
         wanted=only,

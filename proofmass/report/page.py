@@ -15,6 +15,7 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from proofmass.base.entry_points import foreign_distribution
 from proofmass.base.errors import InputError
 from proofmass.base.files import OUTPUT_MARK, make_folder, write_output
 from proofmass.base.wording import number
@@ -22,7 +23,7 @@ from proofmass.batch.check import Result
 from proofmass.case.case import Case
 from proofmass.report.commit import commit_of
 from proofmass.report.words import SYMBOLS
-from proofmass.sim.engines import NoEngine, engine_names, engine_of, foreign_distribution
+from proofmass.sim.engines import ENGINE_GROUP, NoEngine, engine_names, engine_of
 
 
 @cache
@@ -81,7 +82,8 @@ def case_faults(case: Case, result: Result) -> list[str]:
 def packages_of(engine: str) -> list[str]:
     """Return the distributions that an engine's results depend on; none if it cannot be loaded."""
     with suppress(NoEngine):
-        return [*filter(None, [foreign_distribution(engine)]), *engine_of(engine).packages]
+        brought = foreign_distribution(ENGINE_GROUP, engine)
+        return [*filter(None, [brought]), *engine_of(engine).packages]
     return []
 
 

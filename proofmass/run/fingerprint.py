@@ -10,10 +10,12 @@ import mujoco
 import numpy as np
 
 from proofmass import analytic, sim
-from proofmass.base.installation import digest_engines, own_version
+from proofmass.base.entry_points import foreign_distribution
+from proofmass.base.installation import digest_plugins, own_version
 from proofmass.case.case import Case
+from proofmass.reference.find import REFERENCE_GROUP
 from proofmass.reference.reference import compiled_model
-from proofmass.sim.engines import computes_curves, engine_of, foreign_distribution
+from proofmass.sim.engines import ENGINE_GROUP, computes_curves, engine_of
 from proofmass.sim.mjcf import files_of_model
 from proofmass.sim.protocol.settings import FILE_MARK
 
@@ -40,8 +42,11 @@ def bytes_of_model(model: mujoco.MjModel) -> bytes:
 
 
 def digest_recorded_files(case: Case) -> str:
-    """Digest the recorded files of a case."""
-    return digest(b"".join(map(Path.read_bytes, files))) if (files := recorded_files(case)) else ""
+    """Digest the recorded files of a case, and the code of a reference from elsewhere."""
+    parts = list(map(Path.read_bytes, recorded_files(case)))
+    if brought := foreign_distribution(REFERENCE_GROUP, case.reference):
+        parts.append(digest_plugins(distribution(brought)).encode())
+    return digest(b"".join(parts)) if parts else ""
 
 
 def input_files(case: Case) -> list[Path]:
@@ -62,9 +67,9 @@ def recorded_files(case: Case) -> list[Path]:
 @cache
 def package_versions(engine: str) -> dict[str, str]:
     """Versions of the packages that compute a result, and a digest of an engine from elsewhere."""
-    brought = foreign_distribution(engine)
+    brought = foreign_distribution(ENGINE_GROUP, engine)
     names = [*engine_of(engine).packages, "mujoco", "numpy", "scipy", *filter(None, [brought])]
-    code = {"adapter": digest_engines(distribution(brought))} if brought else {}
+    code = {"adapter": digest_plugins(distribution(brought))} if brought else {}
     return {
         "proofmass": own_version(),
         **{name: version(name) for name in names},

@@ -24,6 +24,7 @@ from proofmass.base.recording import Recorded
 from proofmass.base.strict import Kind, Strict
 from proofmass.base.units import FORCE_UNITS, MOTION_UNITS, POSITION_UNITS, si_unit
 from proofmass.case.case import Case, ProfileTable, RangeShare, Tolerance
+from proofmass.case.inputs import is_recorded
 from proofmass.reference.find import NoReference, find_class, load_reference
 from proofmass.reference.mobility import leaves_dof
 from proofmass.reference.reference import (
@@ -104,7 +105,7 @@ def fill_runs(table: TomlTable, file: Path) -> TomlTable:
     runs = table.get("run", {"sweep": {}, "dynamics": {}} if "drive" in table else None)
     if not isinstance(runs, dict):
         return table
-    recorded = str(table.get("reference", "")).endswith(".csv")
+    recorded = is_recorded(str(table.get("reference", "")))
     own = {} if recorded else {"n": DEFAULT_SAMPLES}
     named = all("solvers" in run for run in runs.values() if isinstance(run, dict))
     there = [] if named else list(default_engines(moves_in_space(table, file)))
@@ -127,7 +128,7 @@ def moves_in_space(table: TomlTable, file: Path) -> bool:
     """Whether the reference of a sidecar is of motions in space; an unknown one is not."""
     name = str(table.get("reference", ""))
     try:
-        return not name.endswith(".csv") and find_class(name, file).in_space
+        return not is_recorded(name) and find_class(name, file).in_space
     except NoReference:  # `load_reference` reports it
         return False
 

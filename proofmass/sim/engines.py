@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from proofmass.sim.protocol.engine import Engine
 
-ENTRY_POINT_GROUP = "proofmass.engines"
+ENGINE_GROUP = "proofmass.engines"
 
 
 class NoEngine(ValueError):
@@ -32,17 +32,7 @@ def engine_entry_points() -> dict[str, EntryPoint]:
     If two distributions provide an engine of the same name, that of this distribution is taken, or
     else the first in the order of their names.
     """
-    return {name: same[0] for name, same in entry_points_of(ENTRY_POINT_GROUP).items()}
-
-
-def foreign_distribution(name: str) -> str:
-    """The distribution that provides an engine; empty for an engine of this distribution."""
-    entry = engine_entry_points().get(name)
-    return (
-        ""
-        if entry is None or distribution_of(entry) == OWN_DISTRIBUTION
-        else distribution_of(entry)
-    )
+    return {name: same[0] for name, same in entry_points_of(ENGINE_GROUP).items()}
 
 
 def engine_names() -> list[str]:

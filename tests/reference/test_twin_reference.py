@@ -21,10 +21,11 @@ from proofmass.analytic.linkages.pendulum import Pendulum
 from proofmass.analytic.protocol import Ask, InputMotion
 from proofmass.base.entry_points import all_entry_points, entry_points_of
 from proofmass.base.errors import InputError
+from proofmass.base.installation import describe_installation
 from proofmass.base.worker import close_idle_workers
 from proofmass.commands.cli import app
 from proofmass.reference.find import find_reference, load_reference, reference_names
-from proofmass.run.fingerprint import input_files
+from proofmass.run.fingerprint import digest_recorded_files, input_files
 from tests.shipped import shipped
 
 ROOT = Path(__file__).parents[2]
@@ -196,6 +197,20 @@ def test_trade_and_choose_measure_against_it(sidecar, reference, tmp_path):
     assert "mujoco" in told.lower() or "option" in told
 
 
+def test_results_depend_on_the_code_of_a_reference_from_elsewhere(site, tmp_path):
+    """A study makes its runs again, and a cluster's worker with other code is refused."""
+    case, file = load_case(write_sidecar(tmp_path, "twin")), site / "twin_reference.py"
+    before = digest_recorded_files(case), describe_installation()["twin_reference"]
+    assert before[1].startswith("1.0, code ")
+    file.write_text(SOURCE.replace("1e-13", "1e-12"))
+    after = digest_recorded_files(case), describe_installation()["twin_reference"]
+    file.write_text(SOURCE)
+    assert all(one != other for one, other in zip(before, after, strict=True))
+    assert (digest_recorded_files(case), describe_installation()["twin_reference"]) == before
+    own = load_case(shipped("pendulum.toml"))
+    assert digest_recorded_files(own) == "", "the code of proofmass has a key of its own"
+
+
 def test_references_are_listed_without_being_imported(site):
     sys.modules.pop("twin_reference", None)
     assert {"twin", "lost", "foreign"} <= set(reference_names())
@@ -291,11 +306,14 @@ def test_a_program_outside_the_folder_of_the_sidecar_is_refused(tmp_path):
         load_reference(load_case(file))
 
 
-@pytest.mark.parametrize("command", ["check", "report", "list"])
-def test_a_search_of_a_folder_runs_no_program(tmp_path, command):
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [*((word, "twin.py") for word in ("check", "report", "list")), ("check", r"twin\u002epy")],
+)
+def test_a_search_of_a_folder_runs_no_program(tmp_path, command, name):
     folder, ran = tmp_path / "strange", tmp_path / "ran"
     folder.mkdir()
-    file = write_sidecar(folder, "twin.py", f"{SOURCE}\nopen({str(ran)!r}, 'w').close()\n")
+    file = write_sidecar(folder, name, f"{SOURCE}\nopen({str(ran)!r}, 'w').close()\n")
     output = ["-o", tmp_path / "pages"] if command == "report" else []
     answer = CliRunner().invoke(app, [command, str(folder), *map(str, output)])
     assert not ran.exists()

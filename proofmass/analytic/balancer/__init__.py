@@ -13,6 +13,7 @@ from proofmass.analytic.balancer.model import (
     NUMBERED_PARAMETERS,
     OTHER_DEFAULTS,
     Balancer,
+    ChainParameters,
     balancer,
 )
 from proofmass.analytic.balancer.path import (
@@ -30,13 +31,8 @@ from proofmass.analytic.numerics import (
     motion_senses,
 )
 from proofmass.analytic.protocol import (
-    Angle,
-    AngularStiffness,
     ClosedForm,
     Domain,
-    Force,
-    Length,
-    Mode,
     Moment,
     Quantity,
     Word,
@@ -386,40 +382,20 @@ def quantities(
     return found
 
 
-class BalancerReference(ClosedForm, function=solve, properties=properties):
+class BalancerReference(ChainParameters, ClosedForm, function=solve, properties=properties):
     """Torsion-spring balancer of a pendulum: a chain of three or four segments, stops, preloads."""
 
     marks = (events,)
     profiles = (flexing,)
 
-    length1: Length
-    length2: Length
-    length3: Length
-    length4: Length
-    stiffness1: AngularStiffness
-    stiffness2: AngularStiffness
-    stiffness3: AngularStiffness
-    stiffness4: AngularStiffness
-    quadratic1: Annotated[float, Quantity("N m/rad^2")]
-    quadratic2: Annotated[float, Quantity("N m/rad^2")]
-    quadratic3: Annotated[float, Quantity("N m/rad^2")]
-    quadratic4: Annotated[float, Quantity("N m/rad^2")]
-    preload2: Moment
-    preload3: Moment
-    preload4: Moment
     low2: Annotated[float, Quantity("rad", Domain.EXTENDED)]
     low3: Annotated[float, Quantity("rad", Domain.EXTENDED)]
     low4: Annotated[float, Quantity("rad", Domain.EXTENDED)]
     high2: Annotated[float, Quantity("rad", Domain.EXTENDED)]
     high3: Annotated[float, Quantity("rad", Domain.EXTENDED)]
     high4: Annotated[float, Quantity("rad", Domain.EXTENDED)]
-    pendulum: Length
     extension1: Annotated[float, Quantity("m/rad")]
     extension2: Annotated[float, Quantity("m/rad^2")]
-    rest_angle: Angle
-    rest_angle2: Angle
-    weight: Force
-    mode: Mode
     friction1: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
     friction2: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
     friction3: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]

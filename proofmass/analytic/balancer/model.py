@@ -5,12 +5,22 @@ of the last two segments, which connect the chain with the pendulum's tip.
 """
 
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.numerics import check_one_of
+from proofmass.analytic.protocol import (
+    Angle,
+    AngularStiffness,
+    Force,
+    Length,
+    Mode,
+    Moment,
+    Quantity,
+    Reference,
+)
 from proofmass.base.arrays import Array
 
 
@@ -395,3 +405,28 @@ def check_preload(b: Balancer) -> None:
             f"{b.preload[index, joint - 1]:g} N m; at most -stiffness{joint}^2/"
             f"(4 quadratic{joint})"
         )
+
+
+class ChainParameters(Reference):
+    """Parameters of a chain of torsion springs, which all references of balancers have."""
+
+    length1: Length
+    length2: Length
+    length3: Length
+    length4: Length
+    stiffness1: AngularStiffness
+    stiffness2: AngularStiffness
+    stiffness3: AngularStiffness
+    stiffness4: AngularStiffness
+    quadratic1: Annotated[float, Quantity("N m/rad^2")]
+    quadratic2: Annotated[float, Quantity("N m/rad^2")]
+    quadratic3: Annotated[float, Quantity("N m/rad^2")]
+    quadratic4: Annotated[float, Quantity("N m/rad^2")]
+    preload2: Moment
+    preload3: Moment
+    preload4: Moment
+    pendulum: Length
+    rest_angle: Angle
+    rest_angle2: Angle
+    weight: Force
+    mode: Mode

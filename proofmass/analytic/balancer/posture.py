@@ -1,13 +1,13 @@
 """A balancer whose postures are prescribed: loads, moments and energy, without an equilibrium."""
 
 from dataclasses import replace
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.balancer import quantities
 from proofmass.analytic.balancer.model import (
+    ChainParameters,
     balancer,
     check_preload,
     close_chain,
@@ -16,14 +16,7 @@ from proofmass.analytic.balancer.model import (
 from proofmass.analytic.balancer.path import Path
 from proofmass.analytic.numerics import check_finite, cross
 from proofmass.analytic.protocol import (
-    Angle,
-    AngularStiffness,
     ClosedForm,
-    Force,
-    Length,
-    Mode,
-    Moment,
-    Quantity,
 )
 from proofmass.base.arrays import Array
 
@@ -174,26 +167,5 @@ def solve(
     return {name: value.reshape(inputs.shape[1:]) for name, value in found.items()}
 
 
-class BalancerPosture(ClosedForm, function=solve):
+class BalancerPosture(ChainParameters, ClosedForm, function=solve):
     """A balancer whose postures are prescribed: loads, moments and energy, no equilibrium."""
-
-    length1: Length
-    length2: Length
-    length3: Length
-    length4: Length
-    stiffness1: AngularStiffness
-    stiffness2: AngularStiffness
-    stiffness3: AngularStiffness
-    stiffness4: AngularStiffness
-    quadratic1: Annotated[float, Quantity("N m/rad^2")]
-    quadratic2: Annotated[float, Quantity("N m/rad^2")]
-    quadratic3: Annotated[float, Quantity("N m/rad^2")]
-    quadratic4: Annotated[float, Quantity("N m/rad^2")]
-    preload2: Moment
-    preload3: Moment
-    preload4: Moment
-    pendulum: Length
-    rest_angle: Angle
-    rest_angle2: Angle
-    weight: Force
-    mode: Mode

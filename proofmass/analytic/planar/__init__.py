@@ -736,26 +736,8 @@ class Planar(Reference):
 
     def solve(self, motion: InputMotion, ask: Ask) -> dict[str, Array]:
         """Curves of all sensors of the model, see the function `solve` of this module."""
-        run = ask.of_model
-        return solve(
-            *motion.arguments,
-            model=run.model,
-            start=run.start,
-            joints=run.joints,
-            inertia=ask.inertia,
-            controls=run.controls,
-            control_rates=run.control_rates,
-            in_time=run.in_time,
-            control_profiles=run.control_profiles,
-        )
+        return solve(*motion.arguments, inertia=ask.inertia, **ask.of_model.arguments)
 
     def properties(self, motion: InputMotion, ask: Ask) -> dict[str, str]:
         """Events at the stops of a free motion, in words."""
-        run = ask.of_model
-        return properties(
-            model=run.model,
-            start=run.start,
-            joints=run.joints,
-            motion=motion.x,
-            control_profiles=run.control_profiles or None,
-        )
+        return properties(motion=motion.x, **ask.of_model.arguments)

@@ -631,18 +631,7 @@ class Spatial(Reference):
     def solve(self, motion: InputMotion, ask: Ask) -> dict[str, Array]:
         """Curves of all sensors of the model, see the function `solve` of this module."""
         run = ask.of_model
-        return solve(
-            *motion.arguments,
-            model=run.model,
-            start=run.start,
-            joints=run.joints,
-            inertia=ask.inertia,
-            terms=run.terms(),
-            controls=run.controls,
-            control_rates=run.control_rates,
-            in_time=run.in_time,
-            control_profiles=run.control_profiles,
-        )
+        return solve(*motion.arguments, inertia=ask.inertia, terms=run.terms(), **run.arguments)
 
     @classmethod
     def leaves_dof(cls, model: Any, start: str, joints: tuple[str, ...]) -> bool:
@@ -653,15 +642,5 @@ class Spatial(Reference):
     def properties(self, motion: InputMotion, ask: Ask) -> dict[str, str]:
         """The equations of motion, how well they are confirmed, and events at stops, in words."""
         run = ask.of_model
-        changing = bool(run.control_profiles)  # controls in time have profiles instead of values
-        return properties(
-            model=run.model,
-            start=run.start,
-            terms=run.terms(),
-            joints=run.joints,
-            motion=motion.x if motion.drives is None else np.stack(motion.drives),
-            in_time=run.in_time,
-            controls=None if changing else run.controls,
-            control_rates=None if changing else run.control_rates,
-            control_profiles=run.control_profiles if changing else None,
-        )
+        drives = motion.x if motion.drives is None else np.stack(motion.drives)
+        return properties(motion=drives, terms=run.terms(), **run.arguments)
