@@ -53,14 +53,12 @@ SOURCE_FILES = (
     "evidence/changed.py",
     "evidence/coverage.py",
     "evidence/coverage_search.py",
-    "reference/reference.py",
-    "reference/run_reference.py",
     "run/solve.py",
     "verdict/compare.py",
     "verdict/detectable.py",
     "verdict/noticed.py",
 )
-"""Files of the package whose sources a finding depends on."""
+"""Files whose sources a finding depends on, beside those of `digest_sources`."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from proofmass import analytic, sim
+from proofmass import analytic, reference, sim
 from proofmass.base.entry_points import foreign_distribution
 from proofmass.base.installation import digest_plugins, own_version
 from proofmass.case.case import Case
@@ -78,10 +78,10 @@ def package_versions(engine: str) -> dict[str, str]:
 
 
 def digest_sources(own: Iterable[Path]) -> str:
-    """Digest the source code of simulators and references, and of given files of the core."""
+    """Digest the source code of engines and references, and given files of other folders."""
     files = [
         file
-        for package in (sim, analytic)
+        for package in (sim, analytic, reference)
         for folder in package.__path__
         for file in sorted(Path(folder).rglob("*.py"))
     ]

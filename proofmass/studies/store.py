@@ -25,7 +25,6 @@ from proofmass.base.files import PARTIAL_ENDING, make_folder, read_text, write_a
 from proofmass.base.strict import Kind
 from proofmass.case import drive, profile
 from proofmass.case.case import Case
-from proofmass.reference import reference
 from proofmass.run.fingerprint import (
     bytes_of_case_model,
     digest,
@@ -47,8 +46,8 @@ TaskKey = tuple[int, tuple[str, ...], str]
 KEYS_PER_CALL = 32  # settings for whose keys one call of a worker compiles the models
 TIMED_OUT = Outcome.TIMED_OUT
 PARTIAL_FILE_SECONDS = 3600.0  # [s] since its last change, after which a partial file is deleted
-RESULT_MODULES = measure, invariants, reference, drive, profile, recorded, recording
-"""Modules of the core on whose code a result depends."""
+RESULT_MODULES = measure, invariants, drive, profile, recorded, recording
+"""Modules on whose code a result depends, beside those of `digest_sources`."""
 
 
 class Store:

@@ -1,4 +1,4 @@
-"""The interface between the core and an engine.
+"""What an engine is, as the folders above `sim` see it.
 
 An engine is one object, an `Engine`, which another distribution can provide as an entry point of
 the group ``proofmass.engines``.  Only the method `Engine.simulate` is required:
@@ -12,8 +12,8 @@ What studies ask of an engine is in its parts, which are loaded when they are as
     programs        settings as text to paste, and programs that need the engine only
     own_equations   the motion of a model by itself, solved in several ways
 
-An engine has no access to references and tolerances.  It imports nothing of the core; `errors`,
-`files`, `recorded`, `strict` and `units` are below it and may be imported.
+An engine has no access to references and tolerances.  It imports nothing of the folders above
+`proofmass.sim`; those of `proofmass.base` may be imported.
 """
 
 from collections.abc import Mapping
@@ -46,7 +46,7 @@ class AccuracyLimit(NamedTuple):
 
 
 class Engine:
-    """An engine as the core uses it; attributes and methods that a subclass omits have defaults.
+    """An engine as its users see it; attributes and methods that a subclass omits have defaults.
 
     Settings are given as `proofmass.sim.protocol.settings.ParameterValues`, by their names in
     `settings`.

@@ -47,9 +47,7 @@ from proofmass.studies.measure import Measurement, measure
 from proofmass.verdict.compare import allowed_error
 from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
 
-CHANNEL_ROUNDING_SHARE = (
-    1e-9  # share of a channel's largest value; 1e7 times the rounding of one number
-)
+CHANNEL_ROUNDING_SHARE = 1e-9  # of a channel's largest value; 1e7 times that of one number
 NUDGE = 1e-12  # [rad or m] of every joint at the start; the changes that it causes are allowed
 CHAOS_SHARE = 0.1
 """Share of a channel's largest value; if the nudge changes it by more, it is chaotic."""
@@ -68,9 +66,7 @@ FINE_DIVISORS = (4, 8)
 FINE_SETTINGS = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}
 """Other options of these."""
 ERROR_GROWTH = 0.1  # share of an error by which it may grow, if no tolerance allows more
-MAX_STEPS_PER_SAMPLE = (
-    64  # steps between samples, so that steps up to so many times longer can be tried
-)
+MAX_STEPS_PER_SAMPLE = 64  # so that steps up to so many times longer can be tried
 MIN_THINNED_SAMPLES = 50  # samples that must remain
 
 
