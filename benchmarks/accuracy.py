@@ -27,7 +27,7 @@ from proofmass.batch.pool import pool
 from proofmass.case.case import Case
 from proofmass.commands.studies import load_cases
 from proofmass.commands.trade import has_series, measure_cases
-from proofmass.reference.reference import run_samples
+from proofmass.reference.samples import run_samples
 from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.sim.engines import format_solver

@@ -20,7 +20,7 @@ import mujoco
 
 from examples.chosen import truths
 from proofmass.case.case import Case
-from proofmass.reference.reference import run_samples
+from proofmass.reference.samples import run_samples
 from proofmass.sim.mujoco.tried_settings import INTEGRATORS
 from proofmass.sim.protocol.programs import Imposed
 from proofmass.studies.record import ParameterValue, Setting

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from proofmass.base.errors import InputError as InputError
     from proofmass.batch.check import check as check
     from proofmass.case.case import Case as Case
-    from proofmass.reference.reference import evaluate as evaluate
+    from proofmass.reference.evaluate import evaluate as evaluate
     from proofmass.report.animation import Animation as Animation
     from proofmass.report.animation import animate as animate
     from proofmass.report.explorer import Explorer as Explorer
@@ -34,7 +34,7 @@ PUBLIC = {
     "Comparison": "verdict.compare",
     "compare": "verdict.compare",
     "InputError": "base.errors",
-    "evaluate": "reference.reference",
+    "evaluate": "reference.evaluate",
     "Curves": "sim.protocol.curves",
     "solve": "run.solve",
 }

@@ -20,7 +20,7 @@ from benchmarks import ROOT
 from benchmarks.choose import ASKED, Asked
 from examples.chosen import truths
 from proofmass.commands.cli import app
-from proofmass.reference.reference import evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.run.sidecar import load_case
 from tests.programs import run_standalone
 from tests.shipped import shipped

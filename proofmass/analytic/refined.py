@@ -85,7 +85,7 @@ def solve(
         The compiled MJCF, whose numbers are read.
     closely : callable
         Function of times (n,) [s] that returns the curves of all sensors; see
-        `proofmass.reference.reference.solve_closely`.
+        `proofmass.reference.model_run.solve_closely`.
     joints : tuple of str
         The driven joints.
     in_time : tuple of ndarray (n,) and sequence of callable, optional

@@ -17,8 +17,8 @@ from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.batch.pool import ClusterError, pool, size_of
 from proofmass.case.case import Case
 from proofmass.case.inputs import MODEL_ENDING, SIDECAR_ENDING, is_of_others, names_program
-from proofmass.reference.reference import run_samples
 from proofmass.reference.run_reference import shared_reference
+from proofmass.reference.samples import run_samples
 from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve_here
@@ -64,7 +64,7 @@ class Result(ShownAsHtml):
     """All results of a check: comparisons, their curves, diagnoses, and errors of the input.
 
     Curves, diagnoses and notes are stored by the names of case, run and solver.  Curves that were
-    compared have their reference with them, see `proofmass.reference.reference.ComparedCurves`;
+    compared have their reference with them, see `proofmass.reference.evaluate.ComparedCurves`;
     they are not kept where a `CaseConsumer` took them.  `failed` has the curves of failed runs, up
     to the failure; `notes` has the remarks on the others.  Only runs that differ or failed have a
     diagnosis.

@@ -46,7 +46,7 @@ from proofmass.batch.check import (
     read_isolated,
     run_solver,
 )
-from proofmass.reference.reference import smooth_terms
+from proofmass.reference.model_run import smooth_terms
 from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.run.sidecar import DEFAULT_SAMPLES
 from proofmass.sim.contents import (

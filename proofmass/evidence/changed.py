@@ -19,14 +19,12 @@ from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case, DriveTable, LoadTable, ProfileTable
+from proofmass.reference.evaluate import evaluate
+from proofmass.reference.find import reads_model
+from proofmass.reference.inputs import compiled_model
 from proofmass.reference.mobility import mobility
-from proofmass.reference.reference import (
-    compiled_model,
-    evaluate,
-    reads_model,
-    run_samples,
-)
 from proofmass.reference.run_reference import shared_reference
+from proofmass.reference.samples import run_samples
 from proofmass.run.solve import prescribed_run, solve_here
 from proofmass.sim.contents import mass, size
 from proofmass.sim.elements import Number, Source, changed_rods, compile_source, write_changes

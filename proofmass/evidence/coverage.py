@@ -28,7 +28,7 @@ from proofmass.base.grouping import group_by
 from proofmass.base.worker import interrupt_workers
 from proofmass.case.case import Case
 from proofmass.evidence.coverage_search import CheckedRun, Finding, Search
-from proofmass.reference.reference import reads_model
+from proofmass.reference.find import reads_model
 from proofmass.run.fingerprint import (
     digest,
     digest_recorded_files,

@@ -17,7 +17,7 @@ from rich.text import Text
 from proofmass.batch.check import Result, family_of
 from proofmass.case.case import Case
 from proofmass.evidence.diagnosis import Diagnosis, Explanation, Fault, SharedCause, shared_causes
-from proofmass.reference.reference import reads_model
+from proofmass.reference.find import reads_model
 from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, UNCHECKED_OUTCOMES, Outcome

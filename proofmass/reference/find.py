@@ -102,6 +102,32 @@ def reference_class(case: Case) -> type[Reference] | None:
     return None if isinstance(found, Recorded) else found
 
 
+def reads_model(case: Case) -> bool:
+    """Whether the reference reads its numbers from the MJCF, whose errors it then shares."""
+    found = reference_class(case)
+    return found is not None and found.reads_model
+
+
+def covers_inertia(case: Case) -> bool:
+    """Whether the reference can include inertia in moments and forces."""
+    found = reference_class(case)
+    return found is not None and found.covers_inertia
+
+
+def assembly_modes(case: Case) -> tuple[int, ...]:
+    """Assembly modes that the reference offers; empty if it offers no choice."""
+    found = reference_class(case)
+    return () if found is None else found.modes()
+
+
+def parameter_unit(case: Case, parameter: str) -> str:
+    """The SI unit of a parameter of the reference; empty if it has none."""
+    found = reference_class(case)
+    if found is None or parameter not in found.parameters:
+        return ""
+    return found.parameters[parameter].unit
+
+
 def find_class(name: str, sidecar: Path) -> type[Reference]:
     """The class of the reference that a sidecar names, installed or beside it.
 

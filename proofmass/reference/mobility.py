@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from proofmass.base.errors import InputError
 from proofmass.case.case import Case
 from proofmass.reference.find import reference_class
-from proofmass.reference.reference import compiled_model
+from proofmass.reference.inputs import compiled_model
 
 if TYPE_CHECKING:
     from mujoco import MjModel

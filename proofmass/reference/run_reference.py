@@ -12,14 +12,10 @@ from proofmass.base.errors import InputError
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
 from proofmass.case.drive import DriveState
+from proofmass.reference.evaluate import ReferenceCurves, evaluate, properties
 from proofmass.reference.find import reference_class
-from proofmass.reference.reference import (
-    ReferenceCurves,
-    drive_profiles,
-    evaluate,
-    properties,
-    reference_identity,
-)
+from proofmass.reference.inputs import reference_identity
+from proofmass.reference.profiles import drive_profiles
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.run import Drive, Run
 

@@ -33,8 +33,8 @@ from proofmass.formats.explain import (
     format_refusals,
     table_cells,
 )
+from proofmass.reference.evaluate import ComparedCurves, properties
 from proofmass.reference.mobility import mobility
-from proofmass.reference.reference import ComparedCurves, properties
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import (
     MAX_PAGE_BYTES,

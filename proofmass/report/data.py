@@ -20,16 +20,10 @@ from proofmass.base.strict import Kind
 from proofmass.base.units import si_unit
 from proofmass.batch.check import Result
 from proofmass.case.case import Case
-from proofmass.reference.reference import (
-    DRIVE_PARTS,
-    DRIVE_PREFIX,
-    ComparedCurves,
-    compiled_model,
-    drive_profiles,
-    evaluate,
-    reference_for,
-    run_samples,
-)
+from proofmass.reference.evaluate import ComparedCurves, evaluate, reference_for
+from proofmass.reference.inputs import compiled_model
+from proofmass.reference.profiles import DRIVE_PARTS, DRIVE_PREFIX, drive_profiles
+from proofmass.reference.samples import run_samples
 from proofmass.report.words import MOTION_UNITS
 from proofmass.run.solve import plan_run
 from proofmass.sim.contents import joints

@@ -17,13 +17,8 @@ from proofmass.base.grouping import group_by
 from proofmass.base.strict import Kind
 from proofmass.base.wording import format_unit
 from proofmass.case.case import Case
-from proofmass.reference.reference import (
-    assembly_modes,
-    parameter_unit,
-    properties,
-    reference_channels,
-    reference_quantities,
-)
+from proofmass.reference.evaluate import properties, reference_channels, reference_quantities
+from proofmass.reference.find import assembly_modes, parameter_unit
 from proofmass.report.data import displayed_unit, run_parameter
 from proofmass.report.mechanism import PATH_COLOUR, format_pose
 from proofmass.report.reprs import as_html

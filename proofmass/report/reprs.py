@@ -14,7 +14,7 @@ from proofmass.base.worker import call_isolated
 from proofmass.batch.check import Result
 from proofmass.case.case import Case
 from proofmass.formats.terminal import OUTCOME_SIGNS
-from proofmass.reference.reference import properties
+from proofmass.reference.evaluate import properties
 from proofmass.report.case_figures import compute_motion
 from proofmass.report.mechanism import distinct_poses, small_figure
 from proofmass.report.style import RC

@@ -10,7 +10,8 @@ import numpy as np
 from proofmass.base.errors import InputError
 from proofmass.base.wording import format_list, format_unit, number
 from proofmass.case.case import Case, Tolerance
-from proofmass.reference.reference import parameter_unit, properties
+from proofmass.reference.evaluate import properties
+from proofmass.reference.find import parameter_unit
 from proofmass.reference.run_reference import changeable_parameters
 from proofmass.report.data import PlottedRun
 from proofmass.report.words import SYMBOLS

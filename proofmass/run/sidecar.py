@@ -25,15 +25,12 @@ from proofmass.base.strict import Kind, Strict
 from proofmass.base.units import FORCE_UNITS, MOTION_UNITS, POSITION_UNITS, si_unit
 from proofmass.case.case import Case, ProfileTable, RangeShare, Tolerance
 from proofmass.case.inputs import is_recorded
-from proofmass.reference.find import NoReference, find_class, load_reference
+from proofmass.reference.evaluate import all_quantities
+from proofmass.reference.find import NoReference, covers_inertia, find_class, load_reference
+from proofmass.reference.inputs import compiled_model
 from proofmass.reference.mobility import leaves_dof
-from proofmass.reference.reference import (
-    all_quantities,
-    compiled_model,
-    covers_inertia,
-    prescribed_quantities,
-    run_samples,
-)
+from proofmass.reference.profiles import prescribed_quantities
+from proofmass.reference.samples import run_samples
 from proofmass.run.solve import prescribed_run
 from proofmass.run.validate import check_names, delivered_unit, first_samples
 from proofmass.sim.contents import channel_names, measures_actuator

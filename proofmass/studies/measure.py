@@ -29,7 +29,9 @@ from proofmass.base.files import write_atomically
 from proofmass.base.strict import Kind
 from proofmass.base.worker import DEFAULT_MEMORY, call_isolated
 from proofmass.case.case import Case
-from proofmass.reference.reference import reference_for, reference_identity, run_samples
+from proofmass.reference.evaluate import reference_for
+from proofmass.reference.inputs import reference_identity
+from proofmass.reference.samples import run_samples
 from proofmass.run.solve import call_engine
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, NotSolved

@@ -11,7 +11,7 @@ from proofmass.base.strict import Kind
 from proofmass.base.units import si_unit
 from proofmass.base.worker import call_isolated
 from proofmass.case.case import Case, Refine
-from proofmass.reference.reference import reference_for
+from proofmass.reference.evaluate import reference_for
 from proofmass.sim.engines import computes_curves
 from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import Comparison, Comparisons, compare_channel, judge_error

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from proofmass.analytic import planar, spatial
 from proofmass.analytic.controls import ControlsInTime, smooth_pieces
 from proofmass.analytic.numerics import NotCovered
-from proofmass.reference.reference import control_profiles
+from proofmass.reference.profiles import control_profiles
 from proofmass.run.sidecar import load_case
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped

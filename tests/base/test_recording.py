@@ -19,7 +19,7 @@ from proofmass.base.errors import InputError
 from proofmass.base.recorded import RecordedColumn, RecordedTable, find_wrap
 from proofmass.base.recording import Recording, RunAxis, SteadyDrive
 from proofmass.batch.check import check
-from proofmass.reference.reference import evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, plan_run, prescribed_run, solve_here
 from proofmass.run.validate import validate_case

@@ -42,7 +42,7 @@ from proofmass.batch.check import (
 )
 from proofmass.commands.cli import app
 from proofmass.commands.studies import load_cases
-from proofmass.reference.reference import evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.run.sidecar import load_case
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.protocol.curves import Curves

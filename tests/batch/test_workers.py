@@ -14,7 +14,7 @@ from proofmass.base.errors import InputError
 from proofmass.batch.check import Result, check
 from proofmass.commands.studies import load_cases
 from proofmass.pytest_items import SolverItem
-from proofmass.reference import reference
+from proofmass.reference import evaluate
 from proofmass.reference.mobility import MOBILITIES_IN_MEMORY, model_dof
 from proofmass.report import write_report
 from proofmass.run.sidecar import load_case
@@ -49,7 +49,7 @@ def compiled_here(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     for kind, name in ((mujoco.MjModel, "from_xml_path"), (mujoco.MjSpec, "from_file")):
         monkeypatch.setattr(kind, name, staticmethod(partial(noted, getattr(kind, name))))
-    for module, name in ((reference, "call_reference"), (planar, "solve")):
+    for module, name in ((evaluate, "call_reference"), (planar, "solve")):
         monkeypatch.setattr(module, name, lambda *_, **__: pytest.fail("a reference was evaluated"))
     return files
 

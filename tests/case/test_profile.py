@@ -15,12 +15,8 @@ from proofmass.base.recorded import RecordedColumn
 from proofmass.batch.check import check
 from proofmass.case.case import ProfileTable
 from proofmass.case.profile import SampledProfile, find_jump, make_sampled_profile
-from proofmass.reference.reference import (
-    all_quantities,
-    drive_profiles,
-    evaluate,
-    prescribed_quantities,
-)
+from proofmass.reference.evaluate import all_quantities, evaluate
+from proofmass.reference.profiles import drive_profiles, prescribed_quantities
 from proofmass.run.sidecar import format_sidecar, load_case
 from proofmass.run.solve import plan_run, solve_here
 from proofmass.verdict.compare import compare

@@ -29,7 +29,8 @@ from proofmass.evidence.diagnosis.fit import (
 )
 from proofmass.evidence.diagnosis.model import is_model_wrong
 from proofmass.evidence.diagnosis.settings import falling_channels, setting_value
-from proofmass.reference.reference import evaluate, run_samples
+from proofmass.reference.evaluate import evaluate
+from proofmass.reference.samples import run_samples
 from proofmass.run.solve import prescribed_run
 from proofmass.sim.protocol.curves import Curves
 

@@ -42,7 +42,8 @@ from proofmass.evidence.diagnosis.settings import (
     with_settings,
     with_settings_of,
 )
-from proofmass.reference.reference import evaluate, run_samples
+from proofmass.reference.evaluate import evaluate
+from proofmass.reference.samples import run_samples
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve_here
 from proofmass.sim.protocol.failures import Diverged

@@ -15,7 +15,7 @@ from proofmass import Case, InputError, animate, compare, evaluate, load_case
 from proofmass.analytic.linkages import fourbar
 from proofmass.batch.check import Result, collect_outcomes, run_solver
 from proofmass.commands.cli import app
-from proofmass.reference.reference import run_samples
+from proofmass.reference.samples import run_samples
 from proofmass.report.animation import AnimationFigure, is_closed, with_samples
 from proofmass.report.case_figures import compute_motion, measured_curves
 from proofmass.report.data import PlottedRun, plotted_run

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from proofmass.batch.check import Result
-from proofmass.reference.reference import properties
+from proofmass.reference.evaluate import properties
 from proofmass.report import write_report
 from proofmass.run.sidecar import load_case
 from tests.shipped import shipped

@@ -12,7 +12,8 @@ from markupsafe import escape
 from proofmass.base.errors import InputError
 from proofmass.batch.check import Result
 from proofmass.case.case import Case
-from proofmass.reference.reference import evaluate, parameter_unit, reference_for
+from proofmass.reference.evaluate import evaluate, reference_for
+from proofmass.reference.find import parameter_unit
 from proofmass.report import headline, write_report
 from proofmass.report.case_figures import RUN_FIGURES, find_motions, measured_paths, mechanism_poses
 from proofmass.report.data import drive_curves, drive_rows, plotted_run, thin_curve

@@ -13,7 +13,7 @@ import pytest
 from proofmass.batch.check import Result
 from proofmass.case.case import Case
 from proofmass.evidence.diagnosis import Diagnosis
-from proofmass.reference.reference import evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.report import case_figures
 from proofmass.run.solve import plan_run
 from proofmass.sim.protocol.curves import Curves

@@ -25,7 +25,7 @@ from proofmass.base.units import (
 )
 from proofmass.batch.check import check
 from proofmass.case.case import Case, Tolerance
-from proofmass.reference.reference import evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.report.data import plotted_run
 from proofmass.report.figures import draw_overlay
 from proofmass.report.style import solver_looks

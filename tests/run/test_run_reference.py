@@ -11,13 +11,15 @@ from proofmass.analytic import balancer, rods
 from proofmass.analytic.remember import current_memory, kept_evaluations
 from proofmass.base.errors import InputError
 from proofmass.batch.check import Result
+from proofmass.reference.evaluate import evaluate, properties
+from proofmass.reference.inputs import reference_identity
 from proofmass.reference.plot_data import plot_data
-from proofmass.reference.reference import evaluate, properties, reference_identity, run_samples
 from proofmass.reference.run_reference import (
     RunReference,
     shared_reference,
     shared_references,
 )
+from proofmass.reference.samples import run_samples
 from proofmass.report import case_page
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run

@@ -87,7 +87,7 @@ EVALUATE_PROGRAM = """
 import sys
 from proofmass import load_case
 from proofmass.reference.run_reference import RunReference
-from proofmass.reference.reference import evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.sim.protocol.curves import Curves
 from proofmass.run.solve import plan_run
 case = load_case(sys.argv[1])

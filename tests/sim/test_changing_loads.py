@@ -13,8 +13,9 @@ from scipy.interpolate import CubicSpline
 
 from proofmass.analytic.rods import integrate, rod_pair_driven, rod_platform_driven
 from proofmass.batch.check import check
+from proofmass.reference.evaluate import evaluate
 from proofmass.reference.find import find_reference, reference_names
-from proofmass.reference.reference import evaluate, run_samples
+from proofmass.reference.samples import run_samples
 from proofmass.run.sidecar import format_sidecar, load_case
 from proofmass.run.solve import call_engine, plan_run, prescribed_run
 from proofmass.sim.mujoco.linkage import Linkage

@@ -14,7 +14,9 @@ from proofmass.batch.check import check
 from proofmass.case.case import ProfileTable
 from proofmass.case.drive import InProportion, Steady, Swing, motion_source
 from proofmass.case.profile import controls_source, make_sampled_profile
-from proofmass.reference.reference import evaluate, load_profiles, run_samples
+from proofmass.reference.evaluate import evaluate
+from proofmass.reference.profiles import load_profiles
+from proofmass.reference.samples import run_samples
 from proofmass.report import write_report
 from proofmass.run.sidecar import format_sidecar, load_case
 from proofmass.run.solve import plan_run, prescribed_run

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.reference.reference import evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.motion import Measured, motion

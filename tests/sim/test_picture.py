@@ -9,7 +9,7 @@ import pytest
 
 from proofmass.batch.check import Result
 from proofmass.case.drive import Steady
-from proofmass.reference.reference import evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.report import write_report
 from proofmass.report.case_figures import find_motions, mechanism_poses
 from proofmass.report.families import group_cards

@@ -12,7 +12,7 @@ import pytest
 from proofmass.analytic.rods.equilibrium import RodState, solve_direct, state
 from proofmass.base.errors import InputError
 from proofmass.batch.check import check
-from proofmass.reference.reference import evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run, solve_here
 from proofmass.sim.protocol.run import Drive, Rod

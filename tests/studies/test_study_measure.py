@@ -14,7 +14,9 @@ from proofmass.base.strict import Kind
 from proofmass.base.worker import Crashed, TimedOut
 from proofmass.case.case import Case
 from proofmass.case.drive import DriveState
-from proofmass.reference.reference import drive_profiles, evaluate, reference_for, run_samples
+from proofmass.reference.evaluate import evaluate, reference_for
+from proofmass.reference.profiles import drive_profiles
+from proofmass.reference.samples import run_samples
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, plan_run
 from proofmass.sim.protocol.curves import Curves

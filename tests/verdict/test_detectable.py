@@ -12,9 +12,10 @@ import pytest
 from proofmass.base.errors import InputError
 from proofmass.base.recording import Recorded
 from proofmass.case.case import Case
+from proofmass.reference.evaluate import ReferenceCurves, evaluate
 from proofmass.reference.find import load_reference
-from proofmass.reference.reference import ReferenceCurves, evaluate, run_samples
 from proofmass.reference.run_reference import RunReference, changeable_parameters
+from proofmass.reference.samples import run_samples
 from proofmass.report.tables import (
     format_detectable_changes,
     unknown_parameters,

@@ -8,7 +8,8 @@ import pytest
 
 from proofmass.base.arrays import Array
 from proofmass.batch.check import Result, check, run_task
-from proofmass.reference.reference import evaluate, run_samples
+from proofmass.reference.evaluate import evaluate
+from proofmass.reference.samples import run_samples
 from proofmass.report import write_report
 from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol.curves import Curves

@@ -49,8 +49,7 @@ from proofmass.evidence.diagnosis.settings import (
     setting_changes,
     sibling_causes,
 )
-from proofmass.reference.find import reference_class
-from proofmass.reference.reference import assembly_modes
+from proofmass.reference.find import assembly_modes, reference_class
 from proofmass.sim.protocol.curves import Curves
 
 MAX_CAUSES = 5  # causes that are kept

@@ -8,7 +8,7 @@ from proofmass.base.wording import format_list, format_unit
 from proofmass.evidence.diagnosis.explanation import Explanation
 from proofmass.evidence.diagnosis.fault import Fault, FaultValue, rounded_fit, sidecar_fault
 from proofmass.evidence.diagnosis.fit import MAX_FIT_STEPS, ChannelCurves, Residuals
-from proofmass.reference.reference import all_quantities
+from proofmass.reference.evaluate import all_quantities
 
 KNOWN_FACTORS = {
     "with the opposite sign": (-1.0, ""),

@@ -28,7 +28,7 @@ from proofmass.base.wording import format_list, number
 from proofmass.base.worker import call_isolated
 from proofmass.batch.check import LOADING_SECONDS, load_validated
 from proofmass.case.case import Case
-from proofmass.reference.reference import reference_for
+from proofmass.reference.evaluate import reference_for
 from proofmass.run.solve import plan_run
 from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
 from proofmass.sim.protocol.curves import Curves, split_channel

@@ -20,7 +20,7 @@ from math import inf, isclose, isfinite
 from proofmass.base.clock import processor_time
 from proofmass.base.errors import InputError
 from proofmass.case.case import Case
-from proofmass.reference.reference import run_samples
+from proofmass.reference.samples import run_samples
 from proofmass.run.solve import describe_dynamics, prescribed_run
 from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol.curves import Curves

@@ -15,7 +15,8 @@ from proofmass.analytic.planar.kinematics import (
     nearest_rates,
 )
 from proofmass.case.drive import Swing
-from proofmass.reference.reference import evaluate, run_samples
+from proofmass.reference.evaluate import evaluate
+from proofmass.reference.samples import run_samples
 from tests.shipped import shipped, shipped_case
 
 GRAVITY, DRIVE_DISTANCE, BOB_INERTIA = 9.81, 0.3, 1e-9  # m/s^2, m, kg m^2

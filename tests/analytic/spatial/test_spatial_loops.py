@@ -18,7 +18,7 @@ from proofmass import load_case
 from proofmass.analytic import spatial
 from proofmass.analytic.spatial import motion
 from proofmass.analytic.spatial.motion import regular_pseudo_inverse
-from proofmass.reference.reference import reference_for
+from proofmass.reference.evaluate import reference_for
 from proofmass.run.solve import solve
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol.run import Run

@@ -17,7 +17,7 @@ from proofmass.analytic.spatial.mechanism import Tree, read_tree
 from proofmass.analytic.spatial.terms import TERM_NAMES, OwnTerms, Terms, TermSource, own_terms
 from proofmass.analytic.spatial.witness import TermsDiffer, compare_terms
 from proofmass.base.errors import InputError
-from proofmass.reference.reference import properties
+from proofmass.reference.evaluate import properties
 from proofmass.run.solve import solve
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.smooth import SmoothTerms

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.reference.reference import evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.dynamics import check_run

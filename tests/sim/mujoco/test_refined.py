@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from proofmass.base.errors import InputError
-from proofmass.reference import reference
-from proofmass.reference.reference import evaluate, run_samples
+from proofmass.reference import model_run
+from proofmass.reference.evaluate import evaluate, properties
+from proofmass.reference.samples import run_samples
 from proofmass.reference.self_consistency import Rung
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import prescribed_run, solve
@@ -131,18 +132,18 @@ def test_the_page_states_until_when_a_motion_is_known():
 
     This test is before the next one, which clears the stored motion of the box.
     """
-    described = reference.properties(brief_tumbling_box())
+    described = properties(brief_tumbling_box())
     assert "with soft contacts" in described["equations of motion"]
     assert described["self-consistent"].startswith("until 0.3 s, its end, known to ")
 
 
 def test_a_motion_that_is_not_known_to_its_end_is_refused(monkeypatch):
-    reference.solve_closely_once.cache_clear()
+    model_run.solve_closely_once.cache_clear()
     monkeypatch.setattr(Rung, "is_sure", False)
     case = load_case(shipped("euler_top.toml")).model_copy(update={"reference": "refined"})
     with pytest.raises(InputError, match=r"motion is not known until 0.1 s: until 0.1 s, its end"):
         evaluate(case, "dynamics", np.linspace(0.0, 0.1, 3), None)
-    reference.solve_closely_once.cache_clear()
+    model_run.solve_closely_once.cache_clear()
 
 
 def test_a_sweep_and_rods_are_refused():

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.reference.reference import reference_for
+from proofmass.reference.evaluate import reference_for
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, plan_run
 from proofmass.studies.diet.diet import DietSearch

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from proofmass.base.worker import TimedOut
 from proofmass.batch.pool import pool
 from proofmass.commands.cli import app
-from proofmass.reference.reference import drive_profiles
+from proofmass.reference.profiles import drive_profiles
 from proofmass.sim.mjcf import compile_model
 from proofmass.studies import variants
 from proofmass.studies.measure import observe

@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from proofmass.reference.reference import run_samples
+from proofmass.reference.samples import run_samples
 from proofmass.sim.protocol.run import Run
 from proofmass.studies.measure import Measurement
 from proofmass.studies.stress import extremes

@@ -20,7 +20,10 @@ from proofmass.base.arrays import Array
 from proofmass.base.units import FORCE_UNITS
 from proofmass.case.case import Case
 from proofmass.case.drive import Swing, motion_source
-from proofmass.reference import reference
+from proofmass.reference.evaluate import evaluate
+from proofmass.reference.inputs import compiled_model
+from proofmass.reference.profiles import drive_profiles
+from proofmass.reference.samples import run_samples
 from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol.curves import Curves, drive_columns
 from proofmass.sim.protocol.failures import BadSetting, Diverged, Unsupported
@@ -115,7 +118,7 @@ def rounding_by_channel(case: Case, run: Run, dt: float) -> dict[str, float]:
     square of the mechanism's size.
     """
     orders = {"rad": 0, "m": 0, "rad/s": 1, "m/s": 1, "rad/s^2": 2, "m/s^2": 2}
-    model = reference.compiled_model(case)
+    model = compiled_model(case)
     mass = float(model.body_mass.sum())
     moved = {"N": mass, "N m": mass * float(model.stat.extent) ** 2}
     order = {
@@ -139,11 +142,11 @@ def run_of(case: Case, samples: int = SAMPLES) -> Run:
     """A run of the first samples of a case's dynamics in pymunk."""
     drives = tuple(
         Drive(d.joint, law)
-        for d, law in zip(case.drive, reference.drive_profiles(case, "dynamics"), strict=True)
+        for d, law in zip(case.drive, drive_profiles(case, "dynamics"), strict=True)
     )
     return Run(
         "dynamics",
-        reference.run_samples(case, "dynamics")[:samples],
+        run_samples(case, "dynamics")[:samples],
         tuple(case.channels_of("dynamics")),
         drives,
         case.start,
@@ -502,7 +505,7 @@ def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
     run = replace(
         run_of(case, 101), settings={"timestep": 2e-4, "iterations": 100, "error_bias": 0.0}
     )
-    truth = reference.evaluate(case, "dynamics", run.x, None).channels
+    truth = evaluate(case, "dynamics", run.x, None).channels
     text = PYMUNK.programs.write_program(case.model_path, run, "", "")
     place = "for body, ((x, y, angle)"
     plain = "START = [((*body.position, 0.0), (0.0, 0.0, 0.0)) for body in bodies[:-1]]\n"
