@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from shutil import copy
 from tempfile import TemporaryDirectory
 
 from benchmarks import ROOT, command
@@ -28,15 +29,10 @@ threading.setprofile(called)
 sys.setprofile(called)
 """
 COMMANDS = {  # arguments, and the largest number of files that is intended
-    "check of a four-bar": (("-m", "proofmass", "check", "models/linkages/fourbar.toml"), 18),
-    "a rod to its chain": (
-        (
-            "-c",
-            "from proofmass.run.sidecar import load_case\n"
-            "from proofmass.reference.inputs import compiled_model\n"
-            "compiled_model(load_case('models/rods/rod_cantilever.toml'))",
-        ),
-        24,
+    "check of a four-bar": (("-m", "proofmass", "check", "models/linkages/fourbar.toml"), 42),
+    "report of a four-bar": (
+        ("-m", "proofmass", "report", "models/linkages/fourbar.toml", "-o", "{folder}/report"),
+        68,
     ),
     "trade to its page": (
         (
@@ -49,9 +45,20 @@ COMMANDS = {  # arguments, and the largest number of files that is intended
             "--longest",
             "2",
         ),
-        45,
+        68,
+    ),
+    "check of a model without a sidecar": (("-m", "proofmass", "check", "{folder}/bare.xml"), 28),
+    "a rod to its chain": (
+        (
+            "-c",
+            "from proofmass.run.sidecar import load_case\n"
+            "from proofmass.reference.inputs import compiled_model\n"
+            "compiled_model(load_case('models/rods/rod_cantilever.toml'))",
+        ),
+        30,
     ),
 }
+BARE_MODEL = ROOT / "models/linkages/pendulum.xml"
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -69,6 +76,7 @@ def called_files(arguments: Sequence[str]) -> list[str]:
     """The files of the package with a function that a command calls, below proofmass/."""
     with TemporaryDirectory() as folder:
         Path(folder, "sitecustomize.py").write_text(RECORDER.format(folder=folder))
+        copy(BARE_MODEL, Path(folder, "bare.xml"))
         environment = os.environ | {"PYTHONPATH": os.pathsep.join([folder, str(ROOT)])}
         subprocess.run(
             [sys.executable, *(word.format(folder=folder) for word in arguments)],

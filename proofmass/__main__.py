@@ -18,9 +18,9 @@ def main() -> None:
     leave_current_folder_out()
     print_all_characters()
     try:
-        from proofmass.base.worker import NO_RENDERER
+        from proofmass.base.worker import LIGHT_IMPORTS
 
-        os.environ.update(NO_RENDERER | os.environ)
+        os.environ.update(LIGHT_IMPORTS | os.environ)
         from proofmass.commands.cli import app
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)

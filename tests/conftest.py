@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from proofmass.base.files import write_atomically
-from proofmass.base.worker import NO_RENDERER, SINGLE_THREAD
+from proofmass.base.worker import LIGHT_IMPORTS, SINGLE_THREAD
 from proofmass.evidence.coverage import FOLDER_VARIABLE
 from proofmass.pytest_items import SolverItem
 from proofmass.run.sidecar import load_case
@@ -32,7 +32,7 @@ from tests.shipped import MODELS, READ_CASES, all_file_contents
 
 pytest_plugins = ["pytester"]
 os.environ.update(SINGLE_THREAD)  # for the processes of pytest-xdist, which share the processors
-os.environ.update(NO_RENDERER | os.environ)  # for processes that tests start
+os.environ.update(LIGHT_IMPORTS | os.environ)  # for processes that tests start
 COVERAGE_FOLDER = TemporaryDirectory()
 """The folder for stored findings of `proofmass explain`, instead of the user's cache.
 

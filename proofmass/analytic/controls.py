@@ -10,13 +10,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.mjcf import ModelData
 from proofmass.base.arrays import Array, Index
+
+if TYPE_CHECKING:
+    from proofmass.analytic.mjcf import ModelData
 
 MotionProfile = Callable[[Array], tuple[Array, Array, Array]]
 """Value, rate and acceleration of a drive or of a control as functions of time."""
@@ -41,7 +43,7 @@ class ControlsInTime:
 
     @classmethod
     def of(
-        cls, data: ModelData, fixed: Array, named: Mapping[str, MotionProfile] | None
+        cls, data: "ModelData", fixed: Array, named: Mapping[str, MotionProfile] | None
     ) -> "ControlsInTime | None":
         """Controls of a model, profiles by actuators' names; None if no control changes."""
         return cls(fixed, controls_by_place(data, named)) if named else None
@@ -78,7 +80,7 @@ class ControlsInTime:
 
 
 def controls_at_samples(
-    data: ModelData, fixed: Array, named: Mapping[str, ArrayLike] | None
+    data: "ModelData", fixed: Array, named: Mapping[str, ArrayLike] | None
 ) -> Array | None:
     """All controls (n, controls) of a model at n samples; None if no control changes.
 
@@ -97,7 +99,7 @@ def insert_controls(fixed: Array, changed: Mapping[int, Array]) -> Array:
     return found
 
 
-def controls_by_place(data: ModelData, named: Mapping[str, Any]) -> dict[int, Any]:
+def controls_by_place(data: "ModelData", named: Mapping[str, Any]) -> dict[int, Any]:
     """Entries given by names of actuators of a model, by the indices of their controls.
 
     Raises

@@ -48,9 +48,11 @@ SINGLE_THREAD = dict.fromkeys(
 its results depend on the number of threads, and threads of parallel runs would wait for each other.
 """
 
-NO_RENDERER = {"MUJOCO_GL": "disable"}
-"""Environment of a worker unless the caller's says otherwise: MuJoCo does not load its renderer.
-The renderer takes a third of the time of loading MuJoCo, and no run renders."""
+LIGHT_IMPORTS = {"MUJOCO_GL": "disable", "PYDANTIC_DISABLE_PLUGINS": "__all__"}
+"""Environment of commands and workers unless the caller's says otherwise: MuJoCo does not load its
+renderer, and pydantic does not search all distributions for plugins.  The renderer takes a third of
+the time of loading MuJoCo, and no run renders.  The search takes a tenth of the time of loading the
+tables of a sidecar, and a plugin could only watch them."""
 
 RETURN_FREED_MEMORY = {"MALLOC_MMAP_THRESHOLD_": "4194304"}
 """Environment of a worker unless the caller's says otherwise: glibc returns blocks of 4 MiB or more
@@ -58,7 +60,7 @@ to the system when they are freed.  Otherwise it keeps MuJoCo's arenas of 14 MB 
 fragments: after ten minutes of runs a worker that used 0.4 GB held 6.5 GB, which `limit_memory`
 counts."""
 
-DEFAULT_ENVIRONMENT = NO_RENDERER | RETURN_FREED_MEMORY
+DEFAULT_ENVIRONMENT = LIGHT_IMPORTS | RETURN_FREED_MEMORY
 """What the caller's environment overrides; `SINGLE_THREAD` overrides that."""
 
 IDLE_SHARE = 0.01

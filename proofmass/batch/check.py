@@ -44,7 +44,7 @@ from proofmass.verdict.refinement import (
 )
 
 if TYPE_CHECKING:
-    from proofmass.evidence.diagnosis import Diagnosis, Explanation
+    from proofmass.evidence.diagnosis import Diagnosis, Explanation, SharedCause
 
 CheckTask = tuple[Case, Kind, str] | FinerRun | Path
 LOADING_SECONDS = 60.0  # [s], the time limit of reading a sidecar
@@ -90,6 +90,15 @@ class Result(ShownAsHtml):
         """
         wrong = any(c.outcome not in GOOD_OUTCOMES for c in self.comparisons)
         return 2 if self.errors else int(wrong or bool(self.unchecked))
+
+    @property
+    def causes(self) -> "list[SharedCause]":
+        """The best causes of all runs that differ, each once; see `shared_causes`."""
+        if not self.diagnoses:
+            return []
+        from proofmass.evidence.diagnosis import shared_causes
+
+        return shared_causes(self.diagnoses.values())
 
     @property
     def unchecked(self) -> list[Case]:

@@ -10,7 +10,6 @@ from proofmass.base.errors import InputError
 from proofmass.base.files import OUTPUT_MARK
 from proofmass.base.wording import number
 from proofmass.batch.check import Result
-from proofmass.evidence.diagnosis import shared_causes
 from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import UNCHECKED_OUTCOMES, Outcome
 
@@ -29,9 +28,7 @@ def as_junit(result: Result) -> bytes:
     root = ElementTree.Element("testsuites", name="proofmass")
     shared = Counter((c.case, c.run, c.solver) for c in result.comparisons)
     causes = {
-        (d.case, d.run, d.solver): cause.text
-        for cause in shared_causes(result.diagnoses.values())
-        for d in cause.diagnoses
+        (d.case, d.run, d.solver): cause.text for cause in result.causes for d in cause.diagnoses
     }
     for case, rows in groupby(result.comparisons, lambda c: c.case):
         suite = ElementTree.SubElement(root, "testsuite", name=replace_invalid(case))

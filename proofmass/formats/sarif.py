@@ -5,7 +5,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from proofmass.base.errors import InputError
 from proofmass.base.files import OUTPUT_MARK
@@ -14,10 +14,12 @@ from proofmass.base.installation import own_version
 from proofmass.base.lines import LineIndex, key_parts
 from proofmass.batch.check import Result
 from proofmass.case.case import Case
-from proofmass.evidence.diagnosis import SharedCause, shared_causes
 from proofmass.formats.junit import failure_message
 from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import GOOD_OUTCOMES, Outcome
+
+if TYPE_CHECKING:
+    from proofmass.evidence.diagnosis import SharedCause
 
 SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 BAD_INPUT_RULE = "bad-input"
@@ -33,7 +35,7 @@ def as_sarif(result: Result) -> str:
     """
     cases = {case.name: case for case in result.cases}
     lines = LineIndex()
-    causes = shared_causes(result.diagnoses.values())
+    causes = result.causes
     explained = {(d.case, d.run, d.solver) for cause in causes for d in cause.diagnoses}
     failures = [c for c in result.comparisons if c.outcome not in GOOD_OUTCOMES]
     rows = group_by(failures, lambda c: (c.case, c.run, c.solver))
@@ -106,7 +108,7 @@ def rules_of(used: Iterable[str]) -> list[dict[str, Any]]:
 
 
 def cause_result(
-    cause: SharedCause,
+    cause: "SharedCause",
     rows: Sequence[Comparison],
     cases: Mapping[str, Case],
     lines: LineIndex,

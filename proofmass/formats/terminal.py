@@ -7,7 +7,7 @@ from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
 from textwrap import shorten
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.cells import cell_len
 from rich.console import Console, JustifyMethod
@@ -16,11 +16,13 @@ from rich.text import Text
 
 from proofmass.batch.check import Result, family_of
 from proofmass.case.case import Case
-from proofmass.evidence.diagnosis import Diagnosis, Explanation, Fault, SharedCause, shared_causes
 from proofmass.reference.find import reads_model
 from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, UNCHECKED_OUTCOMES, Outcome
+
+if TYPE_CHECKING:
+    from proofmass.evidence.diagnosis import Diagnosis, Explanation, Fault, SharedCause
 
 COMPARISON_KEYS = (
     "case",
@@ -63,7 +65,7 @@ def as_json(result: Result) -> str:
         replace_nonfinite(
             {
                 "comparisons": rows,
-                "causes": [cause_data(cause) for cause in shared_causes(result.diagnoses.values())],
+                "causes": [cause_data(cause) for cause in result.causes],
                 "diagnoses": [diagnosis_data(found) for found in result.diagnoses.values()],
                 "notes": list(note_lines(result)),
                 "errors": [
@@ -78,7 +80,7 @@ def as_json(result: Result) -> str:
     )
 
 
-def cause_data(cause: SharedCause) -> dict[str, Any]:
+def cause_data(cause: "SharedCause") -> dict[str, Any]:
     """A cause as data: its sentence, its faults, what it explains, and its runs."""
     return {
         "sentence": cause.sentence,
@@ -91,20 +93,20 @@ def cause_data(cause: SharedCause) -> dict[str, Any]:
     }
 
 
-def diagnosis_data(found: Diagnosis) -> dict[str, Any]:
+def diagnosis_data(found: "Diagnosis") -> dict[str, Any]:
     """A diagnosis as data, with the sentence of each cause."""
     data = {key: value for key, value in vars(found).items() if key != "causes"}
     return data | {"causes": [explanation_data(cause) for cause in found.causes]}
 
 
-def explanation_data(cause: Explanation) -> dict[str, Any]:
+def explanation_data(cause: "Explanation") -> dict[str, Any]:
     """A cause of one run as data."""
     data = {key: value for key, value in vars(cause).items() if key != "edits"}
     faults = [fault_data(fault) for fault in cause.faults]
     return data | {"sentence": cause.sentence, "complete": cause.complete, "faults": faults}
 
 
-def fault_data(fault: Fault) -> dict[str, Any]:
+def fault_data(fault: "Fault") -> dict[str, Any]:
     """A fault as data."""
     return vars(fault) | {"file": str(fault.file)}
 
@@ -314,7 +316,7 @@ def failure_lines(
     sensors for which no quantity was found; references that read the model themselves; the largest
     error; and the number of comparisons with each outcome.
     """
-    pages, causes = {case.name for case in result.cases}, shared_causes(result.diagnoses.values())
+    pages, causes = {case.name for case in result.cases}, result.causes
     for (case, run, solver), rows in groupby(
         result.comparisons, lambda c: (c.case, c.run, c.solver)
     ):
@@ -367,7 +369,7 @@ def failure_lines(
 
 
 def diagnosis_lines(
-    found: Diagnosis, causes: Sequence[SharedCause] = (), elsewhere: Sequence[Diagnosis] = ()
+    found: "Diagnosis", causes: "Sequence[SharedCause]" = (), elsewhere: "Sequence[Diagnosis]" = ()
 ) -> Iterator[Text]:
     """Yield the lines of a diagnosis.
 

@@ -52,12 +52,25 @@ def test_importing_check_loads_neither_scipy_nor_matplotlib() -> None:
 
 def test_importing_check_loads_no_module_that_few_checks_need() -> None:
     """These are loaded for a run that differs, for motions in space, and for studies."""
-    loaded = modules_loaded_by("import proofmass.batch.check")
+    loaded = modules_loaded_by(
+        "import proofmass.batch.check, proofmass.formats.terminal, proofmass.formats.sarif"
+    )
     own = {name for name in loaded if name.partition(".")[0] == "proofmass"}
     folders = ("proofmass.evidence", "proofmass.analytic.spatial", "proofmass.studies")
     assert not [name for name in own if name.startswith(folders)]
     assert "proofmass.sim.protocol.tuning" not in own
     assert len(own) <= MAX_OWN_MODULES
+
+
+def test_a_command_does_not_search_for_plugins_of_pydantic() -> None:
+    loaded = modules_loaded_by(
+        "import os, sys; os.environ.pop('PYDANTIC_DISABLE_PLUGINS', None)\n"
+        "from proofmass.__main__ import main; sys.argv = ['proofmass', '--help']\n"
+        "try: main()\nexcept SystemExit: pass\n"
+        "import proofmass.base.strict, pydantic.plugin._loader as loader\n"
+        "assert loader._plugins is None"
+    )
+    assert "pydantic.plugin._loader" in loaded
 
 
 @pytest.mark.parametrize("before", ["", "import proofmass.batch.check, proofmass.verdict.compare"])
