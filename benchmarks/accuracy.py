@@ -32,8 +32,8 @@ from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.sim.engines import format_solver
 from proofmass.studies.record import StudyRow
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade.choose import ERROR_MARGIN, Choice, NoGoodSetting, choose
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits

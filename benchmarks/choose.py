@@ -27,8 +27,8 @@ from proofmass.commands.choose import (
 from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol.programs import Imposed
 from proofmass.studies.record import Setting
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade.choose import ERROR_MARGIN, Choice
 from proofmass.studies.trade.program import (
     bare_command,

@@ -13,10 +13,9 @@ from matplotlib import rc_context
 
 from benchmarks import ROOT, command, folders
 from proofmass.base.wording import number
-from proofmass.batch.pool import pool
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.studies.diet.diet import TIMING_ROUNDS, DietSearch, DietStore, write_result
+from proofmass.studies.diet.diet import TIMING_ROUNDS, DietSearch, write_result
 from proofmass.studies.diet.page import OUTCOME_LOOKS, diet_figure, write_diet
 from proofmass.studies.diet.scene import load_scene
 from proofmass.studies.diet.table import (
@@ -28,6 +27,8 @@ from proofmass.studies.diet.table import (
     summary_sentences,
 )
 from proofmass.studies.measure import describe_machine
+from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 
 FAT = ROOT / "docs" / "fourbar_fat.xml"
 SECONDS = 5.0  # simulated time of a model without a sidecar
@@ -128,11 +129,9 @@ def searched(model: Path, folder: Path, rounds: int, tune: bool = True) -> list[
     print(model.stem, flush=True)
     file = folder / model.name
     scene = load_scene(model, SECONDS)
-    with pool() as workers:
-        found = DietSearch(
-            scene, rounds=rounds, tune=tune, workers=workers, store=DietStore(folder / "runs")
-        ).run()
-    write_result(scene, found, file)
+    study = Study(Store(folder / "runs"))
+    found = DietSearch(scene, study, rounds=rounds, tune=tune).run()
+    write_result(scene, study, found, file)
     return read_entries(file.with_suffix(".csv"))
 
 

@@ -23,8 +23,8 @@ from proofmass.commands.trade import has_series, measure_cases
 from proofmass.reference.inputs import compiled_model
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.studies.record import NAN, Setting, StudyRow
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade.floor_cause import ROUNDING_CAUSE, halved_settings
 from proofmass.studies.trade.program import ProgramRun, drive_ways, run_stored_program
 from proofmass.studies.trade.series import is_floor, is_unchanged

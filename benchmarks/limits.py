@@ -23,8 +23,9 @@ from proofmass.sim.pymunk.dynamics import MAX_ITERATIONS
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import BoundaryKind, Failure
-from proofmass.studies.stress.extremes import list_extremes
+from proofmass.studies.stress.extremes import ENERGY_PARAMETER, list_extremes
 from proofmass.studies.stress.limit_search import LimitSearch, step_by_factor
+from proofmass.studies.study import Make, Study
 from proofmass.studies.trade.program import TIMED_OUT_PREFIX, drive_ways, run_stored_program
 from proofmass.studies.trade.verify import setting_as_used
 from proofmass.verdict.outcome import Outcome
@@ -111,7 +112,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     if given.changed:
         limits = [one for one in limits if not is_confirmed(one, kept)]
     with folders(given.quick, given.folder) as (folder, docs):
-        found = confirm(limits, Store(folder / "runs"))
+        found = confirm(limits, ProgramStudy(Store(folder / "runs")))
         fresh = {each.limit.key: cells(each) for each in found}
         every = printed_limits(text) if some else limits
         rows = [row for one in every if (row := fresh.get(one.key) or kept_cells(one, kept))]
@@ -168,22 +169,27 @@ def kept_cells(one: PrintedLimit, kept: Mapping[tuple[str, ...], list[str]]) -> 
     return cells
 
 
-def confirm(limits: Sequence[PrintedLimit], store: Store) -> list[BareLimit]:
-    """Run the programs of all limits of dynamics runs."""
+class ProgramStudy(Study):
+    """A study that runs programs instead of engines."""
 
-    def run(task: StudyRun) -> Measurement:
-        return run_program(task, store)
+    def measure_one(self, task: StudyRun, make: Make) -> Measurement:
+        """The errors of the program of a task."""
+        return run_program(task, self.store)
 
+
+def confirm(limits: Sequence[PrintedLimit], study: ProgramStudy) -> list[BareLimit]:
+    """Run the programs of all limits of dynamics runs, but those of energy."""
     searches = dict[tuple[str, str, str, str], LimitSearch]()
     for name in dict.fromkeys(one.case for one in limits):
         case = load_case(next((ROOT / "models").rglob(f"{name}.toml")))
         if "dynamics" in case.run:
-            for search in list_extremes(case, store, run)[0]:
+            for search in list_extremes(case, study)[0]:
                 searches[name, search.parameter, search.engine, search.setting] = search
     asked = [
         (one, searches[key])
         for one in limits
         if (key := (one.case, one.parameter, one.engine, one.setting)) in searches
+        and one.parameter != ENERGY_PARAMETER
     ]
     with ThreadPoolExecutor(JOBS) as workers:
         return list(workers.map(lambda each: try_sides(*each), asked))

@@ -18,7 +18,6 @@ from matplotlib import rc_context
 
 from benchmarks import ROOT, command, folders
 from proofmass.base.wording import number
-from proofmass.batch.pool import pool
 from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.run.sidecar import load_case
@@ -28,7 +27,8 @@ from proofmass.studies.stress.extremes import list_extremes
 from proofmass.studies.stress.limit_search import LimitSearch
 from proofmass.studies.stress.page import THEORY_TOLERANCE, stress_figure
 from proofmass.studies.stress.problems import list_problems
-from proofmass.studies.stress.stress import cache_trials, find_boundaries
+from proofmass.studies.stress.stress import find_boundaries, store_trials
+from proofmass.studies.study import Study
 
 CASES = (
     "fourbar",
@@ -163,15 +163,15 @@ def main(argv: Sequence[str] | None = None) -> None:
         return
     max_searches = 1 if given.quick else None  # of the small models, and of each case
     with folders(given.quick, given.folder) as (folder, docs):
-        store = Store(folder / "runs")
-        with pool() as workers:
-            known = find_boundaries(small_models(store, max_searches), workers)
+        study = Study(Store(folder / "runs"))
+        with study.working() as working:
+            known = find_boundaries(small_models(study.store, max_searches), working)
             cases = {
-                name: list_extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
+                name: list_extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), study)
                 for name in (("pendulum",) if given.quick else CASES)
             }
             found = find_boundaries(
-                [one for searches, _ in cases.values() for one in searches[:max_searches]], workers
+                [one for searches, _ in cases.values() for one in searches[:max_searches]], working
             )
         write_boundaries([*known, *found], folder / "stress.csv")
         draw(known, docs)
@@ -183,7 +183,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def small_models(store: Store, count: int | None = None) -> list[LimitSearch]:
     """The searches of the first `count` small models, or of all, with their trials stored."""
-    return [cache_trials(one, store) for one in islice(list_problems(), count)]
+    return [store_trials(one, store) for one in islice(list_problems(), count)]
 
 
 def draw(known: Sequence[Boundary], docs: Path) -> None:
@@ -195,26 +195,26 @@ def draw(known: Sequence[Boundary], docs: Path) -> None:
 
 def renew(names: Sequence[str], parameters: Sequence[str], folder: Path) -> None:
     """Search limits of some cases again, and write their rows into docs/stress.md."""
-    file, store = ROOT / "docs" / "stress.md", Store(folder / "runs")
+    file, study = ROOT / "docs" / "stress.md", Study(Store(folder / "runs"))
     for name in names:
         _, title, rest = file.read_text(encoding="utf-8").partition("\n## Comparison with theory")
         head = HEAD.format(limits=kinds())
         if name == THEORY:
-            with pool() as workers:
-                known = find_boundaries(small_models(store), workers)
+            with study.working() as working:
+                known = find_boundaries(small_models(study.store), working)
             draw(known, file.parent)
             cases = rest[rest.index("\n\n## ") :]
             section = "\n".join(theory_section(known))
             file.write_text(f"{head}\n{section}{cases}", encoding="utf-8")
             continue
-        searches, _ = list_extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
+        searches, _ = list_extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), study)
         asked = [
             one
             for one in searches
             if any(text in f"{one.parameter}, {one.engine}, {one.setting}" for text in parameters)
         ]
-        with pool() as workers:
-            found = find_boundaries(asked, workers)
+        with study.working() as working:
+            found = find_boundaries(asked, working)
         file.write_text(head + title + with_rows(rest, name, found), encoding="utf-8")
 
 

@@ -26,7 +26,8 @@ from proofmass.run.sidecar import load_case
 from proofmass.studies import locks
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
-from proofmass.studies.stress.limit_search import StressedCase
+from proofmass.studies.stress.limit_search import SEARCH_RUN_TIMEOUT, StressedCase
+from proofmass.studies.study import Study
 from tests.long import DEFAULT_PARAMETERS, FASTER_TESTS
 from tests.shipped import MODELS, READ_CASES, all_file_contents
 
@@ -139,7 +140,7 @@ def stressed(tmp_path: Path, models: Path) -> Callable[..., StressedCase]:
             load_case(models / f"{name}.toml"),
             kind,
             Setting(engine, parameters),
-            Store(tmp_path / "runs"),
+            Study(Store(tmp_path / "runs"), longest=SEARCH_RUN_TIMEOUT),
         )
 
     return make_case

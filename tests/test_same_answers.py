@@ -31,8 +31,8 @@ from proofmass.run.sidecar import load_case
 from proofmass.sim.engines import engine_of
 from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.scene import load_scene
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade.choose import NoGoodSetting, choose, describe_choice, good_settings
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
@@ -173,7 +173,9 @@ def ask_diet(folder: Path) -> list[str]:
     """What a model does not need, with its outcomes; the shares of time are measured."""
     model = folder / "arm.xml"
     model.write_text(ARM)
-    found = DietSearch(load_scene(model, 0.2), rounds=8, tune=False).run()
+    found = DietSearch(
+        load_scene(model, 0.2), Study(Store(folder / "runs")), rounds=8, tune=False
+    ).run()
     return [
         f"{entry.kind} {entry.name} {entry.outcome} {without_seconds(entry.message)} {entry.worst}"
         for entry in found.table

@@ -20,8 +20,8 @@ from proofmass.commands.trade import has_series, measure_cases
 from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol.programs import Imposed
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store, package_versions
+from proofmass.studies.study import Study
 from proofmass.studies.trade.choose import (
     ERROR_MARGIN,
     Choice,

@@ -1,5 +1,6 @@
 """``proofmass diet``: find what a model needs, and write the reduced model."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from proofmass.base.errors import InputError
@@ -8,8 +9,10 @@ from proofmass.batch.pool import pool
 from proofmass.commands.command import error_console, exit_on_error
 from proofmass.formats.terminal import make_console
 from proofmass.sim.mjcf import files_of_model
-from proofmass.studies.diet.diet import DietSearch, DietStore, result_parts, write_result
+from proofmass.studies.diet.diet import DietSearch, result_parts, write_result
 from proofmass.studies.diet.scene import load_scene
+from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 
 
 def run_diet(
@@ -33,6 +36,7 @@ def run_diet(
         protect([*files_of_model(model), *model.absolute().parent.glob("*.toml")])
         for place in (file, file.with_suffix(".csv")):
             require_replaceable(place)  # before the trials, which take minutes
+        study = Study(Store(file.parent / "runs"))
         scene = load_scene(model, seconds, tuple(dict.fromkeys(monitored or ())), error)
         with (
             pool(jobs, dask) as workers,
@@ -40,13 +44,13 @@ def run_diet(
         ):
             found = DietSearch(
                 scene,
+                replace(
+                    study, workers=workers, progress=lambda label, *_: status.update(label[:70])
+                ),
                 blind,
                 tune=not keep_options,
-                workers=workers,
-                store=DietStore(file.parent / "runs"),
-                progress=lambda what: status.update(what[:70]),
             ).run()
-        write_result(scene, found, file)
+        write_result(scene, study, found, file)
         page = write_diet(file.parent, file.parent).first
     for part in result_parts(found.table):
         make_console().print(part, markup=False)

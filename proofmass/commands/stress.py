@@ -1,5 +1,6 @@
 """``proofmass stress``: find the limits at which simulations fail."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from proofmass.batch.pool import pool
@@ -10,7 +11,8 @@ from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import Boundary, write_boundaries
 from proofmass.studies.stress.extremes import list_extremes
 from proofmass.studies.stress.problems import list_problems
-from proofmass.studies.stress.stress import cache_trials, find_boundaries, result_table
+from proofmass.studies.stress.stress import find_boundaries, result_table, store_trials
+from proofmass.studies.study import Study
 
 
 def run_stress(
@@ -30,10 +32,10 @@ def search_cases(
     paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
 ) -> list[Boundary]:
     """Find boundaries with a progress bar on standard error, and print which do not apply."""
-    store = Store(folder / "runs")
-    searches = [] if paths else [cache_trials(one, store) for one in list_problems()]
+    study = Study(Store(folder / "runs"))
+    searches = [] if paths else [store_trials(one, study.store) for one in list_problems()]
     for case in load_cases(paths) if paths else ():
-        ours, skipped = list_extremes(case, store)
+        ours, skipped = list_extremes(case, study)
         searches += ours
         for why in skipped:
             error_console.print(f"{case.name}: not varied: {why}")
@@ -44,4 +46,4 @@ def search_cases(
         pool(jobs, dask) as workers,
         progress_bar(len(searches), max_letters=40) as advance,
     ):
-        return find_boundaries(searches, workers, advance)
+        return find_boundaries(searches, replace(study, workers=workers, progress=advance))

@@ -13,8 +13,8 @@ from proofmass.commands.command import error_console, exit_on_error, progress_ba
 from proofmass.commands.studies import load_cases, require_seconds
 from proofmass.formats.terminal import make_console, three_digits
 from proofmass.studies import DEFAULT_LONGEST_RUN
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade.orders import is_unexpected
 from proofmass.studies.trade.trade import (
     Trade,

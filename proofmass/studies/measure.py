@@ -289,22 +289,24 @@ def measure(
         return Measurement(outcome=STUDY_OUTCOME_OF_EXCEPTION[kind], message=str(error))
 
 
-def measure_task(task: StudyRun, is_repeat: bool, timeout: float) -> Measurement:
-    """Run a task in a process of its own, on a reserved processor.
-
-    Parameters
-    ----------
-    task : StudyRun
-    is_repeat : bool
-        Whether this is a repeat, which is timed and not compared with the reference.
-    timeout : float
-        Processor time after which the run is given up [s].
+def measure_task(task: StudyRun, timeout: float) -> Measurement:
+    """Run a task in a process of its own, on a reserved processor, within `timeout` [s].
 
     Raises
     ------
     InputError
         The model cannot be used, or a parameter is unknown to the engine.
     """
+    return measure_reserved(task, False, timeout)
+
+
+def repeat_task(task: StudyRun, timeout: float) -> Measurement:
+    """Do as `measure_task` does for the time alone, without a comparison with the reference."""
+    return measure_reserved(task, True, timeout)
+
+
+def measure_reserved(task: StudyRun, is_repeat: bool, timeout: float) -> Measurement:
+    """Do what `measure_task` or `repeat_task` does."""
     with reserve_processor() as core:
         if task.reference and not is_repeat:
             write_missing_reference(task, task.reference)

@@ -43,6 +43,8 @@ KEY_FIELDS = {"start", "reference", "parameters", "recording", "drive", "load", 
 """Tables and keys of a sidecar that are part of every key."""
 TaskKey = tuple[int, tuple[str, ...], str]
 """Identity of a task in a process: id of the case, content of its model, run and setting."""
+RunKey = tuple[str, int]
+"""Key of a task and number of the repeat; 0 is the first run, which has errors."""
 KEYS_PER_CALL = 32  # settings for whose keys one call of a worker compiles the models
 TIMED_OUT = Outcome.TIMED_OUT
 PARTIAL_FILE_SECONDS = 3600.0  # [s] since its last change, after which a partial file is deleted
@@ -64,7 +66,7 @@ class Store:
         for part in (self.folder.parent, self.folder):
             make_folder(part)
         self.keys: dict[TaskKey, tuple[Case, str]] = {}
-        self.known: dict[tuple[str, int], Measurement] = {}  # read or written by this process
+        self.known: dict[RunKey, Measurement] = {}  # read or written by this process
         for half in self.folder.glob(
             f"*{PARTIAL_ENDING}"
         ):  # left by a study that was killed while it wrote
@@ -127,15 +129,12 @@ class Store:
             self.known[key, repeat] = replace(found, curves={})
         return found
 
-    def once(
-        self, key: str, task: StudyRun, timeout: float, make: Callable[[], Measurement]
-    ) -> Measurement:
-        """The result of a task's first run; if it is not there, it is made and saved."""
-        found = self.load(key, 0, timeout)
-        if found is None:
-            found = make()
-            self.save(key, 0, task, found, timeout)
-        return found
+    def value(self, name: str, make: Callable[[], Any]) -> Any:
+        """A result that is no run, of JSON values: read from a file, or else made and written."""
+        file = self.folder / name
+        if not file.is_file():
+            write_atomically(file, json.dumps(make()))
+        return read_json(file)
 
     def curves(self, key: str) -> dict[str, Array]:
         """The curves of a task's first run: ``x``, and ``channel.NAME`` for each channel."""
@@ -214,13 +213,6 @@ def read_json(file: Path) -> Any:
 def foreign_file_error(file: Path) -> InputError:
     """The error for a file of the store that something else has changed."""
     return InputError(file, "", "not what a study wrote there; delete it, and it is made again")
-
-
-def read_or_make(file: Path, make: Callable[[], Any]) -> Any:
-    """Content of a JSON file; if the file is not there, `make` gives it and it is written."""
-    if not file.is_file():
-        write_atomically(file, json.dumps(make()))
-    return read_json(file)
 
 
 def task_key(task: StudyRun) -> str:

@@ -90,7 +90,11 @@ def replace(half, file):
 os.replace = replace
 """
 FORBID_RUNS = {
-    "trade": "from proofmass.studies import run; assert run.measure_task; run.measure_task = None",
+    "trade": """
+from proofmass.studies import study
+assert study.measure_task
+study.measure_task = None
+""",
     "stress": """
 from proofmass.studies.stress import problems
 assert problems.measure
@@ -99,9 +103,9 @@ problems.measure = None
     "diet": """
 from proofmass.studies.diet.diet import DietSearch
 ran = DietSearch.judge_changes
-DietSearch.judge_changes = lambda self, *what: None if self.store.folder else ran(self, *what)
+DietSearch.judge_changes = lambda self, *what: None if self.study.workers else ran(self, *what)
 """,
-}  # a diet also tries the model that it has written, without a store: that trial is skipped
+}  # a diet also tries the model that it has written, without workers: that trial is made
 LONG_RUNS = {
     "trade": """
 from importlib import import_module

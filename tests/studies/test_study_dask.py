@@ -8,8 +8,8 @@ import pytest
 
 from proofmass.base.errors import InputError
 from proofmass.batch.pool import pool
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from tests.studies.study_tasks import tasks
 
 pytestmark = pytest.mark.skipif(  # not imported here, since its import takes as long as all others

@@ -35,7 +35,7 @@ from proofmass.studies.measure import (
     time_run,
 )
 from proofmass.studies.record import Setting
-from proofmass.studies.run import make_row
+from proofmass.studies.study import make_row
 from tests.shipped import shipped
 from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all tests
 
@@ -281,7 +281,7 @@ def test_failed_runs_have_an_outcome_and_raise_no_exception(monkeypatch, error, 
         raise error
 
     monkeypatch.setattr(measure, "call_isolated", fail)
-    found = measure.measure_task(StudyRun(PENDULUM, "dynamics", EULER), False, 5.0)
+    found = measure.measure_task(StudyRun(PENDULUM, "dynamics", EULER), 5.0)
     assert (found.outcome, found.message, found.complete) == (outcome, str(error), False)
 
 
@@ -309,10 +309,10 @@ def test_each_exception_in_a_worker_has_an_outcome(monkeypatch, error, outcome, 
     found = measure.measure(call_engine, timeout=5.0)
     assert found == measure.Measurement(outcome=outcome, message=str(error))
     task = StudyRun(PENDULUM, "dynamics", EULER.with_parameters(segments=9))
-    assert measure.measure_task(task, False, 5.0).outcome == of_a_task
+    assert measure.measure_task(task, 5.0).outcome == of_a_task
     if outcome == "no start":
         with pytest.raises(InputError, match="why"):
-            measure.measure_task(StudyRun(PENDULUM, "dynamics", EULER), False, 5.0)
+            measure.measure_task(StudyRun(PENDULUM, "dynamics", EULER), 5.0)
 
 
 def test_the_result_of_a_worker_is_returned_unchanged(monkeypatch):
@@ -328,7 +328,7 @@ def test_an_unknown_parameter_is_bad_input(monkeypatch):
     wrong = StudyRun(PENDULUM, "dynamics", Setting("mujoco", {"speed": 3}))
     monkeypatch.setattr(measure, "call_isolated", lambda function, *args, **_: function(*args))
     with pytest.raises(InputError, match=r"toml: settings\.mujoco\.speed: unknown setting 'speed'"):
-        measure.measure_task(wrong, False, 60.0)
+        measure.measure_task(wrong, 60.0)
     with pytest.raises(InputError):
         observe(wrong, False, None)
 
@@ -450,7 +450,7 @@ def test_a_failed_reference_is_tried_once_and_keeps_its_outcome(
     released = load_case(shipped("fourbar_released.toml"))
     task = StudyRun(released, "dynamics", EULER, reference=tmp_path / "a.reference.npz")
     for _ in range(2):
-        found = measure.measure_task(task, False, 30.0)
+        found = measure.measure_task(task, 30.0)
         assert (found.outcome, found.message) == (outcome, message)
     assert asked == ["write_reference"]
 

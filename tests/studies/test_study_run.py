@@ -1,14 +1,17 @@
 """Running the tasks of a study: rounds, resuming, interrupts, and SIGKILL at any moment."""
 
 import os
+import pickle
 import random
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from threading import Event, get_ident
 
 import pytest
 
@@ -17,16 +20,16 @@ from proofmass.batch.pool import pool
 from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol.curves import Curves
 from proofmass.studies import measure
-from proofmass.studies import run as runs
+from proofmass.studies import study as runs
 from proofmass.studies.measure import Measurement, relative_errors
 from proofmass.studies.record import NAN, Setting, StudyRow, read_table
-from proofmass.studies.run import (
+from proofmass.studies.store import Store
+from proofmass.studies.study import (
     Study,
     has_shared_reference,
     make_row,
     reference_file,
 )
-from proofmass.studies.store import Store
 from tests.shipped import shipped
 from tests.studies.study_tasks import own_locks, tasks  # noqa: F401, a fixture of all tests
 
@@ -34,7 +37,7 @@ STUDY_SCRIPT = """
 import sys
 from pathlib import Path
 from proofmass.batch.pool import pool
-from proofmass.studies.run import Study
+from proofmass.studies.study import Study
 from proofmass.studies.store import Store
 from proofmass.studies.record import write_table
 from tests.studies.study_tasks import tasks
@@ -54,7 +57,7 @@ class ImmediateExecutor:
         self.calls: list[tuple] = []
 
     def submit(self, function, *args):
-        self.calls.append(args)
+        self.calls.append((function, *args))
         future: Future = Future()
         try:
             future.set_result(function(*args))
@@ -70,15 +73,24 @@ def measurement(seconds: float, **changed: object) -> Measurement:
     )
 
 
+def name_function(name: str, left: Iterator[float]) -> Callable[..., Measurement]:
+    """A function of a name that gives measurements with the next processor times [s]."""
+
+    def take_next(task, timeout):
+        return measurement(next(left))
+
+    take_next.__name__ = name
+    return take_next
+
+
 @pytest.fixture
 def replace_runs(monkeypatch):
     """A function that replaces runs by measurements with given processor times [s], in order."""
 
     def take(*seconds):
         left = iter(seconds)
-        monkeypatch.setattr(
-            runs, "measure_task", lambda task, again, timeout: measurement(next(left))
-        )
+        for name in ("measure_task", "repeat_task"):
+            monkeypatch.setattr(runs, name, name_function(name, left))
 
     return take
 
@@ -95,8 +107,10 @@ def test_all_tasks_are_run_once_before_any_is_run_again(tmp_path, replace_runs):
     replace_runs(*[0.05] * 6)
     workers = ImmediateExecutor()
     Study(Store(tmp_path), workers, longest=7.0).run(TWO_TASKS, repeats=2)
-    assert [(task.value, again) for task, again, _ in workers.calls] == [
-        (step, again) for again in (False, True, True) for step in (0.01, 0.005)
+    assert [(task.value, made.__name__) for made, task, _ in workers.calls] == [
+        (step, name)
+        for name in ("measure_task", "repeat_task", "repeat_task")
+        for step in (0.01, 0.005)
     ]
     assert {limit for *_, limit in workers.calls} == {7.0}
 
@@ -148,9 +162,9 @@ def test_stored_runs_are_not_repeated_and_count_as_done(tmp_path, replace_runs):
         TWO_TASKS, repeats=1
     )
     assert rows[:1] == first
-    assert [(task.value, again) for task, again, _ in workers.calls] == [
-        (0.005, False),
-        (0.005, True),
+    assert [(task.value, made.__name__) for made, task, _ in workers.calls] == [
+        (0.005, "measure_task"),
+        (0.005, "repeat_task"),
     ]
     assert seen[-1][1:] == (4, 4)
     assert (
@@ -178,7 +192,7 @@ def test_the_reference_of_a_free_motion_is_not_timed_with_a_run(tmp_path, monkey
         return function(*args)
 
     monkeypatch.setattr(measure, "call_isolated", isolated)
-    plain = [measure.measure_task(task, False, 9.0).errors for task in TWO_TASKS]
+    plain = [measure.measure_task(task, 9.0).errors for task in TWO_TASKS]
     limits.clear()
     rows = Study(Store(tmp_path), ImmediateExecutor(), longest=9.0).run(TWO_TASKS, repeats=0)
     assert [row.errors for row in rows] == plain
@@ -202,7 +216,7 @@ def test_failed_runs_keep_their_row_and_are_not_timed(tmp_path, monkeypatch):
     monkeypatch.setattr(
         runs,
         "measure_task",
-        lambda task, again, timeout: measurement(0.01) if task.value == 0.005 else failed,
+        lambda task, timeout: measurement(0.01) if task.value == 0.005 else failed,
     )
     bad, good = Study(Store(tmp_path), ImmediateExecutor()).run(TWO_TASKS, repeats=2)
     assert (bad.outcome, bad.message) == ("diverged", "failed at 1 s")
@@ -221,6 +235,54 @@ def test_a_failed_repeat_is_the_outcome_of_its_row():
         "repeat 2: signal 6",
         (0.01, 0.02),
     )
+
+
+def test_calls_have_their_results_in_order_and_are_made_here_without_workers(tmp_path):
+    """With workers they end in any order: here the second one ends before the first."""
+    study, passed = Study(Store(tmp_path)), Event()
+
+    def wait(name: str) -> tuple[str, int]:
+        if name == "first":
+            assert passed.wait(10.0)
+        passed.set()
+        return name, get_ident()
+
+    with ThreadPoolExecutor(2) as workers:
+        working = replace(study, workers=workers)
+        assert working.call_each(wait, [("first",), ("second",)])[0][0] == "first"
+        names, threads = zip(*working.call_each(wait, [("a",), ("b",), ("c",)]), strict=True)
+        assert names == ("a", "b", "c")
+        assert get_ident() not in threads
+        assert working.call(int, "11", base=2) == 3
+    assert study.call_each(wait, [("a",), ("b",)]) == [("a", get_ident()), ("b", get_ident())]
+    assert study.call(int, "11", base=2) == 3
+
+
+def test_calls_that_have_not_begun_are_cancelled_after_one_fails(tmp_path):
+    begun, ended = [], Event()
+
+    def fail_first(k: int) -> None:
+        begun.append(k)
+        if k == 0:
+            raise ValueError("why")
+        assert ended.wait(10.0)  # keeps the only worker busy until the others are cancelled
+
+    with ThreadPoolExecutor(1) as workers:
+        with pytest.raises(ValueError, match="why"):
+            Study(Store(tmp_path), workers).call_each(fail_first, [(k,) for k in range(9)])
+        ended.set()
+    assert begun in ([0], [0, 1])
+
+
+def test_a_study_inside_a_worker_can_be_sent_there(tmp_path):
+    """It keeps the store and the limit; it has neither the workers nor the progress bar."""
+    with ThreadPoolExecutor(1) as workers:
+        study = Study(Store(tmp_path), workers, progress=lambda *_: None)
+        sent = pickle.loads(pickle.dumps(study.inside_worker(9.0)))
+        again = replace(study, longest=7.0).inside_worker(9.0)
+    assert (sent.workers, sent.longest, sent.store.folder) == (None, 9.0, tmp_path)
+    assert sent.progress("label", 1, 2) is None
+    assert again.longest == 7.0
 
 
 def test_an_interrupt_keeps_finished_runs(tmp_path, replace_runs):

@@ -4,7 +4,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from math import inf, isnan, nan
 from pathlib import Path
-from types import SimpleNamespace
 from typing import ClassVar
 
 import mujoco
@@ -21,7 +20,6 @@ from proofmass.sim.protocol.run import Run
 from proofmass.sim.protocol.tuning import Perturbation
 from proofmass.studies import measure
 from proofmass.studies.diet import diet, scene
-from proofmass.studies.diet.diet import DietStore
 from proofmass.studies.diet.edits import read_model
 from proofmass.studies.diet.options import DRAWN_GEOM, Feature
 from proofmass.studies.diet.scene import DietScene, MonitoredRun
@@ -49,6 +47,7 @@ from proofmass.studies.stress.limit_search import (
     reference_follows_masses,
     require,
 )
+from proofmass.studies.study import Study
 from proofmass.studies.trade.floor_cause import (
     find_cause,
     format_factor,
@@ -885,28 +884,30 @@ def test_a_timeout_is_attributed_to_the_engine_or_the_reference(engine_too, monk
 def test_a_stressed_case_varies_a_parameter(tmp_path, monkeypatch):
     asked = []
 
-    def found(task, store, timeout):
-        asked.append((task, store, timeout))
+    def found(study, task, make):
+        asked.append((task, study.store, study.limit(task), make))
         return Measurement({"position": 0.5})
 
-    monkeypatch.setattr(limit_search, "measure_or_read", found)
+    monkeypatch.setattr(Study, "measure_one", found)
     own = StressedCase(
         FOURBAR,
         "dynamics",
         Setting("mujoco", {"integrator": "RK4", "timestep": 0.5}),
-        Store(tmp_path),
-        9.0,
+        Study(Store(tmp_path), longest=9.0),
     )
     assert own.find_failure(FOURBAR, timestep=0.25) == Failure(
         "position off by 0.5 of its range", INACCURATE, True
     )
     setting = Setting("mujoco", {"integrator": "RK4", "timestep": 0.25})
     assert asked == [
-        (StudyRun(FOURBAR, "dynamics", setting, "stress", timed=False), own.store, 9.0)
+        (
+            StudyRun(FOURBAR, "dynamics", setting, "stress", timed=False),
+            own.study.store,
+            9.0,
+            limit_search.measure_untimed,
+        )
     ]
-    monkeypatch.setattr(
-        limit_search, "measure_or_read", raising(InputError(Path("x"), "key", "why"))
-    )
+    monkeypatch.setattr(Study, "measure_one", raising(InputError(Path("x"), "key", "why")))
     for compiles, outcome, limit in (
         (True, "no start", OURS),
         (False, "refused", BoundaryKind.REFUSED),
@@ -943,7 +944,7 @@ def test_a_stressed_case_varies_a_parameter(tmp_path, monkeypatch):
         ("fourbar", "mujoco", words, "step", "s", 1.0, 2.0, f"{{'integrator': '{words}'}} 3.0")
         for words in ("Euler", "RK4")
     ]
-    planar = StressedCase(FOURBAR, "dynamics", Setting("pymunk"), Store(tmp_path))
+    planar = StressedCase(FOURBAR, "dynamics", Setting("pymunk"), Study(Store(tmp_path)))
     (one,) = planar.search_schemes("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))
     assert (
         one.engine,
@@ -961,15 +962,15 @@ def test_a_stressed_case_varies_a_parameter(tmp_path, monkeypatch):
 
 def test_a_run_is_looked_for_in_the_store_first(tmp_path, monkeypatch):
     task = StudyRun(FOURBAR, "sweep", Setting("mujoco"))
-    monkeypatch.setattr(
-        limit_search, "measure_untimed", lambda task, timeout: Measurement(steps=int(timeout))
-    )
-    store = Store(tmp_path)
-    assert limit_search.measure_or_read(task, store, 5.0).steps == 5
-    monkeypatch.setattr(limit_search, "measure_untimed", raising(KeyError()))
-    assert limit_search.measure_or_read(task, store, 5.0).steps == 5
+    study = Study(Store(tmp_path), longest=5.0)
+
+    def make(task: StudyRun, timeout: float) -> Measurement:
+        return Measurement(steps=int(timeout))
+
+    assert study.measure_one(task, make).steps == 5
+    assert study.measure_one(task, raising(KeyError())).steps == 5
     with pytest.raises(KeyError):
-        limit_search.measure_or_read(replace(task, run="dynamics"), store, 5.0)
+        study.measure_one(replace(task, run="dynamics"), raising(KeyError()))
 
 
 def test_requirements_of_an_extreme_are_checked():
@@ -1158,7 +1159,9 @@ def test_a_feature_matters_if_a_channel_changes_more_than_allowed(value, outcome
             Curves(np.zeros(1), {"y": np.array([value])}),
         ),
     )
-    found = diet.DietSearch(diet_scene(quick, slow)).judge_changes(["one", "two"], ModelWithProbe())
+    found = RecordingSearch(diet_scene(quick, slow), unkept_study()).judge_changes(
+        ["one", "two"], ModelWithProbe()
+    )
     assert found[0] == outcome
     assert found[1] == {"a": {"y": 0.0}, "b": {"y": pytest.approx((value - 1) / 0.5, nan_ok=True)}}
     assert found[2] == ""
@@ -1177,7 +1180,7 @@ def test_a_feature_whose_removal_fails_has_the_outcome_of_the_failure(monkeypatc
         (TimedOut("why"), "timed out"),
     ):
         monkeypatch.setattr(measure, "call_isolated", answering_in_turn([], gone, error))
-        assert diet.DietSearch(diet_scene(monitored, monitored)).judge_changes(
+        assert RecordingSearch(diet_scene(monitored, monitored), unkept_study()).judge_changes(
             [1, 2], ModelWithProbe()
         ) == (
             outcome,
@@ -1214,7 +1217,31 @@ def feature(name: str, *parts: Feature, kind: str = "geom") -> Feature:
     return Feature(kind, name, cut, parts)
 
 
-class SearchByNames(diet.DietSearch):
+class RecordingStore:
+    """A store that keeps no results, and records the keys that it is asked for."""
+
+    def __init__(self):
+        self.asked, self.models, self.keys = [], [], []
+
+
+def unkept_study(**how) -> Study:
+    """A study that keeps no results."""
+    return Study(RecordingStore(), **how)
+
+
+class RecordingSearch(diet.DietSearch):
+    """A search that records what its results depend on, and makes all of them."""
+
+    @property
+    def store(self) -> RecordingStore:
+        return self.study.store
+
+    def once(self, models, runs, make):
+        self.store.keys.append((models, runs))
+        return make()
+
+
+class SearchByNames(RecordingSearch):
     """A search that judges by names: a model is harmless if no removed feature is called "bad"."""
 
     def judge_changes(self, models, edited):
@@ -1223,32 +1250,23 @@ class SearchByNames(diet.DietSearch):
         return "matters" if "bad" in " ".join(edited) else "harmless", {"a": {"y": 0.5}}, "said"
 
 
-class RecordingStore(DietStore):
-    """A store that keeps no results, and records the keys that it is asked for."""
-
-    def __init__(self):
-        super().__init__()
-        self.asked, self.models, self.keys = [], [], []
-
-    def once(self, models, runs, make):
-        self.keys.append((models, runs))
-        return make()
-
-
-def search(scene: DietScene, **how) -> SearchByNames:
+def search(scene: DietScene, study: Study | None = None, **how) -> SearchByNames:
     """A search that judges by names and times nothing."""
-    return SearchByNames(scene, rounds=0, store=RecordingStore(), **how)
+    return SearchByNames(scene, study or unkept_study(workers="workers"), rounds=0, **how)
 
 
 def test_a_feature_is_tried_without_the_features_removed_before():
     monitored = monitored_run_of({"y": 0.5}, {"y": [1.0]})
     monitored = replace(monitored, name="a", run=replace(monitored.run, rods=("rod",)))
-    said: list[str] = []
-    own = search(diet_scene(monitored, monitored), progress=said.append)
+    said: list[tuple] = []
+    own = search(
+        diet_scene(monitored, monitored),
+        unkept_study(progress=lambda *told: said.append(told)),
+    )
     edited, found = own.tried(NamesOfRemoved(["old"]), feature("new"))
     assert edited == ["old", "new"]
     assert found == Entry("geom", "new", "harmless", {"a": {"y": 0.5}}, "said")
-    assert said == ["geom new"]
+    assert said == [("geom new", 0, 0)]
     assert own.store.models == [[("model", "old", "new", "rod")] * 2]
     assert own.store.keys == [
         (
@@ -1327,7 +1345,7 @@ def test_a_diet_repeats_until_no_feature_can_be_removed(monkeypatch):
             yield feature("b")
 
     monkeypatch.setattr(diet, "list_features", there)
-    own = search(diet_scene(edited=NamesOfRemoved()), workers="workers")
+    own = search(diet_scene(edited=NamesOfRemoved()))
     found = own.run()
     assert found.reduced == ["a", "b"]
     assert [(e.name, e.outcome) for e in found.entries] == [
@@ -1341,7 +1359,7 @@ def test_a_diet_repeats_until_no_feature_can_be_removed(monkeypatch):
 
 
 def test_the_models_before_and_after_a_removal_are_timed(monkeypatch):
-    own = search(diet_scene(edited=NamesOfRemoved(["all"])), workers="workers")
+    own = search(diet_scene(edited=NamesOfRemoved(["all"])))
     monkeypatch.setattr(
         SearchByNames, "timed", lambda self, now, edited, entry, tuned=False: (now, edited)
     )
@@ -1363,15 +1381,17 @@ def test_a_search_without_workers_opens_a_pool_while_it_runs(monkeypatch):
     def opened():
         yield "workers"
 
-    monkeypatch.setattr(diet, "pool", opened)
+    monkeypatch.setattr("proofmass.studies.study.pool", opened)
     monkeypatch.setattr(diet, "list_features", lambda reduced, scene: iter(()))
     seen = []
     monkeypatch.setattr(
         SearchByNames,
         "tried",
-        lambda self, now, feature, tuned: seen.append(self.workers) or (now, entry("needed")),
+        lambda self, now, feature, tuned: seen.append(self.study.workers) or (now, entry("needed")),
     )
-    assert search(diet_scene(edited=NamesOfRemoved())).run().whole.outcome == "needed"
+    assert (
+        search(diet_scene(edited=NamesOfRemoved()), unkept_study()).run().whole.outcome == "needed"
+    )
     assert set(seen) == {"workers"}
 
 
@@ -1389,7 +1409,7 @@ def test_costs_of_a_step_are_compared_with_and_without_a_feature(monkeypatch):
         return CostComparison((Cost(2.0, 3), Cost(1.0, 2)), (0.4, 0.5, 0.6))
 
     monkeypatch.setattr(diet, "compare_costs_isolated", raced)
-    own = diet.DietSearch(diet_scene(short, long), rounds=3, store=RecordingStore())
+    own = RecordingSearch(diet_scene(short, long), unkept_study(), rounds=3)
     now, edited = NamesOfRemoved(["old"]), NamesOfRemoved(["old", "new"])
     for outcome in ("harmless", "drawn", "matters"):
         assert own.timed(now, edited, entry(outcome)) == entry(
@@ -1403,21 +1423,9 @@ def test_costs_of_a_step_are_compared_with_and_without_a_feature(monkeypatch):
     assert asked == [(models, 2, ("rod", "cut"), 3, 3 * 20 * 40.0)] * 3
     kept_as, (run, rounds) = own.store.keys[0]
     assert (tuple(kept_as), run.x.size, rounds) == (models, 2, 3)
-    quick = diet.DietSearch(diet_scene(short), rounds=1, store=RecordingStore())
+    quick = RecordingSearch(diet_scene(short), unkept_study(), rounds=1)
     quick.timed(now, edited, entry("drawn"))
     assert asked[-1][-1] == 20 * 30.0
-
-
-def test_work_goes_to_the_workers():
-    class Pool:
-        def submit(self, what, *args, **more):
-            return SimpleNamespace(result=lambda: ("pool", what(*args, **more)))
-
-    assert diet.DietSearch(diet_scene()).call_in_worker(int, "11", base=2) == 3
-    assert diet.DietSearch(diet_scene(), workers=Pool()).call_in_worker(int, "11", base=2) == (
-        "pool",
-        3,
-    )
 
 
 def test_combined_features_are_removed_as_one():

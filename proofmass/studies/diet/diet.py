@@ -13,11 +13,11 @@ The result of each trial is kept in a file of its own, so a diet that was stoppe
 
 import pickle
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from secrets import token_hex
-from typing import Any, TypeVar
+from typing import Any
 
 import mujoco
 from rich.table import Table
@@ -30,7 +30,6 @@ from proofmass.base.files import (
     write_output,
 )
 from proofmass.base.wording import number
-from proofmass.batch.pool import pool
 from proofmass.run.fingerprint import bytes_of_model
 from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.sim.protocol.curves import Curves
@@ -75,7 +74,8 @@ from proofmass.studies.diet.trial import (
     failed_outcome,
 )
 from proofmass.studies.measure import Measurement, measure
-from proofmass.studies.store import digest, digest_of_sources, package_versions, read_or_make
+from proofmass.studies.store import digest, digest_of_sources, package_versions
+from proofmass.studies.study import Study
 
 OUTCOME_LABELS = {
     "harmless": "✓ goes",
@@ -96,48 +96,10 @@ TIMING_ROUNDS = 15
 """Number of pairs of timed runs; the interval of their median is from the 3rd to the 13th value."""
 FINAL_OUTCOMES = ("matters", "drawn")  # outcomes that are not tried again after others were removed
 FEATURE_THREADS = 8  # features that are tried at a time
-T = TypeVar("T")
 TriedFeature = tuple[Feature, Entry]
 Judge = Callable[[list[mujoco.MjModel], EditedModel], tuple[str, ChannelChanges, str]]
 ChangedOption = tuple[EditedModel, EditedModel, Entry]
 """An edited model, the same model with an option changed, and the result of the change."""
-
-
-class DietStore:
-    """The results of models in runs, kept as files.
-
-    Parameters
-    ----------
-    folder : Path, optional
-        The folder of the files, which is made if it does not exist; without it nothing is kept.
-    """
-
-    def __init__(self, folder: Path | None = None):
-        self.folder = folder
-        if folder:
-            for part in (folder.parent, folder):
-                make_folder(part)
-
-    def once(self, models: list[mujoco.MjModel], runs: Any, make: Callable[[], Any]) -> Any:
-        """Read the result of models in runs, or make and keep it; it consists of JSON values.
-
-        Parameters
-        ----------
-        models : list of MjModel
-        runs : object
-            All other data that the result depends on; it is pickled.
-        make : callable
-            Makes the result.
-        """
-        if not self.folder:
-            return make()
-        key = [
-            *map(bytes_of_model, models),
-            pickle.dumps(runs),
-            repr(package_versions(NATIVE_ENGINE)).encode(),
-            digest_of_sources().encode(),
-        ]
-        return read_or_make(self.folder / f"{digest(b''.join(key))}.json", make)
 
 
 @dataclass(frozen=True)
@@ -170,8 +132,10 @@ class Diet:
         return (*self.said, *self.entries, self.whole)
 
 
-def write_result(scene: DietScene, found: Diet, file: Path) -> None:
+def write_result(scene: DietScene, study: Study, found: Diet, file: Path) -> None:
     """Write the reduced model and the table, after a trial of the model as it is written.
+
+    That trial is made anew and not kept.
 
     Raises
     ------
@@ -186,7 +150,7 @@ def write_result(scene: DietScene, found: Diet, file: Path) -> None:
         models = [
             written.compiled(found.reduced.segmented(w.run.rods)) for w in scene.monitored_runs
         ]
-        search = DietSearch(scene)
+        search = DietSearch(scene, study)
         outcome, _, message = (search.judge_errors if found.tuned else search.judge_changes)(
             models, found.reduced
         )
@@ -250,6 +214,9 @@ class DietSearch:
     ----------
     scene : DietScene
         The scene, from `load_scene`.
+    study : Study
+        Where the results of trials are kept, and who makes the runs; timed runs have a processor of
+        their own.  Its progress is called with the name of each feature that is tried.
     blind : bool
         Whether geoms that are only drawn are removed as well.
     rounds : int
@@ -257,31 +224,24 @@ class DietSearch:
         options whose gain only the time can show are not tried.
     tune : bool
         Whether options of the engine are made cheaper as well.
-    workers : Executor, optional
-        Makes the runs, from `proofmass.studies.run.pool`; local workers if not given.  Timed runs
-        have a processor of their own.
-    store : DietStore
-        Results of earlier trials, which are not made again.
-    progress : callable
-        Called with the name of each feature that is tried.
     found : dict of (str, str) to Entry
         The result for each feature that was tried so far, by its kind and its name.
     """
 
     scene: DietScene
+    study: Study
     blind: bool = False
     rounds: int = TIMING_ROUNDS
     tune: bool = True
-    workers: Executor | None = None
-    store: DietStore = field(default_factory=DietStore)
-    progress: Callable[[str], None] = lambda _: None
     found: dict[tuple[str, str], Entry] = field(default_factory=dict)
 
     def run(self) -> Diet:
         """Try all features until no other can be removed, then options; return the result."""
-        if self.workers is None:
-            with pool() as local:
-                return replace(self, workers=local).run()
+        with self.study.working() as working:
+            return replace(self, study=working).reduce()
+
+    def reduce(self) -> Diet:
+        """Do what `run` does, with the workers that the study has."""
         reduced, is_changed = self.scene.edited, True
         while is_changed:
             candidates = list(list_features(reduced, self.scene))
@@ -383,7 +343,7 @@ class DietSearch:
 
         A model that is `tuned` has other options, so its runs are compared with a reference.
         """
-        self.progress(f"{feature.kind} {feature.name}")
+        self.study.progress(f"{feature.kind} {feature.name}", len(self.found), 0)
         try:
             edited = current.without(feature.cut)
             models = [
@@ -406,7 +366,7 @@ class DietSearch:
             if tuned
             else monitored_runs
         )
-        outcome, shares, message = self.store.once(models, runs, lambda: judge(models, edited))
+        outcome, shares, message = self.once(models, runs, lambda: judge(models, edited))
         return edited, Entry(
             feature.kind, feature.name, outcome, shares, message, edit=feature.edit
         )
@@ -461,7 +421,7 @@ class DietSearch:
         for monitored, model in zip(self.scene.monitored_runs, models, strict=True):
             run = run_of(monitored)
             run = replace(run, rods=edited.segmented(run.rods))
-            curves = self.call_in_worker(
+            curves = self.study.call(
                 measure,
                 attempt,
                 model,
@@ -487,11 +447,11 @@ class DietSearch:
         run = replace(run, rods=edited.segmented(monitored.run.rods))
         models = [d.compiled(monitored.run.rods) for d in (current, edited)]
         limit = self.rounds * MAX_SLOWDOWN * max(MIN_TIMEOUT, monitored.before.cost)
-        found = self.store.once(
+        found = self.once(
             models,
             (run, self.rounds),
             lambda: asdict(
-                self.call_in_worker(compare_costs_isolated, tuple(models), run, self.rounds, limit)
+                self.study.call(compare_costs_isolated, tuple(models), run, self.rounds, limit)
             ),
         )
         one, two = (Cost(**cost) for cost in found["costs"])
@@ -499,11 +459,20 @@ class DietSearch:
         pace = CostComparison((one, two), (low, middle, high))
         return replace(entry, costs=pace.costs, saved=pace.saved)
 
-    def call_in_worker(self, what: Callable[..., T], *args: Any, **more: Any) -> T:
-        """Call a function in a worker, or here if there are no workers."""
-        if self.workers is None:
-            return what(*args, **more)
-        return self.workers.submit(what, *args, **more).result()
+    def once(self, models: list[mujoco.MjModel], runs: Any, make: Callable[[], Any]) -> Any:
+        """A result of compiled models, read from the store or else made; see `trial_name`."""
+        return self.study.store.value(trial_name(models, runs), make)
+
+
+def trial_name(models: Sequence[mujoco.MjModel], runs: Any) -> str:
+    """Name of the file for the result of compiled models; `runs` is all else that it depends on."""
+    key = [
+        *map(bytes_of_model, models),
+        pickle.dumps(runs),
+        repr(package_versions(NATIVE_ENGINE)).encode(),
+        digest_of_sources().encode(),
+    ]
+    return f"{digest(b''.join(key))}.json"
 
 
 def combine_features(wanted: list[Feature]) -> Feature:

@@ -46,11 +46,9 @@ from proofmass.studies.measure import Measurement, StudyRun, measure, simulate_t
 from proofmass.studies.record import ParameterValue, Setting, format_kind
 from proofmass.studies.store import (
     KEY_FIELDS,
-    Store,
     bytes_of_case_model,
     digest,
     digest_of_sources,
-    read_or_make,
     task_key,
 )
 from proofmass.studies.stress import theory
@@ -67,15 +65,15 @@ from proofmass.studies.stress.limit_search import (
     SEARCH_RUN_TIMEOUT,
     LimitSearch,
     NotApplicable,
-    Runner,
     StressedCase,
     bisect,
     find_failure,
     kind_of_limit,
-    measure_or_read,
+    measure_untimed,
     reference_follows_masses,
     require,
 )
+from proofmass.studies.study import Study
 from proofmass.studies.variants import (
     evaluate_reference,
     has_hinged_leader,
@@ -93,6 +91,7 @@ from proofmass.verdict.outcome import Outcome
 MAX_ENERGY_SAMPLES = 2000  # samples of a run whose energy is checked, at most
 MAX_ENERGY_ERROR = 0.01
 """Largest change of the energy, over the largest kinetic energy, with which a run does not fail."""
+ENERGY_PARAMETER = "steps until the energy is off by 1 %"
 ENERGY_SENSORS = {"e_kinetic": "kinetic", "e_potential": "potential"}
 """MJCF elements of the sensors of both energies, and the energy that each of them measures."""
 
@@ -101,11 +100,10 @@ def search_energy_error(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase the number of steps of a free motion until the energy error exceeds a hundredth."""
     why = "energy: the motion is driven, loaded or damped, or the run has no time steps"
     require(stressed.kind == "dynamics" and not stressed.case.drive, why)
-    require(not stressed.runner, "energy: it needs measure_energy, and another runner is given")
     watched = with_energy_sensors(stressed.case, stressed.models)
     require(call_bounded(watched, stressed.kind, conserves_energy, watched), why)
     yield from stressed.search_schemes(
-        "steps until the energy is off by 1 %",
+        ENERGY_PARAMETER,
         "1",
         stressed.seconds / stressed.step,
         MAX_SEARCH_STEPS,
@@ -150,8 +148,8 @@ def try_step_count(
     task = StudyRun(
         own, "dynamics", stressed.setting.with_parameters(**parameters), "stress", timed=False
     )
-    found = stressed.store.once(
-        f"{task_key(task)}-energy", task, SEARCH_RUN_TIMEOUT, partial(measure_energy, task)
+    found = stressed.study.measure_one(
+        replace(task, key=f"{task_key(task)}-energy"), measure_energy
     )
     if found.outcome != Outcome.RAN:
         limit = kind_of_limit(found)
@@ -167,9 +165,9 @@ def try_step_count(
     return TrialResult(None if error <= MAX_ENERGY_ERROR else failed, found.step)
 
 
-def measure_energy(task: StudyRun) -> Measurement:
+def measure_energy(task: StudyRun, timeout: float) -> Measurement:
     """Run a task in a worker process, and measure its energy alone."""
-    return measure(simulate_energy, task, timeout=SEARCH_RUN_TIMEOUT)
+    return measure(simulate_energy, task, timeout=timeout)
 
 
 def simulate_energy(task: StudyRun) -> Measurement:
@@ -360,22 +358,21 @@ MIN_STEPS = 4
 """Steps of the shortest runs: a motion there and back in two steps would look like none."""
 
 
-def list_extremes(
-    case: Case, store: Store, runner: Runner | None = None
-) -> tuple[list[LimitSearch], list[str]]:
+def list_extremes(case: Case, study: Study) -> tuple[list[LimitSearch], list[str]]:
     """All searches that apply to a case, and the reasons why others do not apply.
 
-    See `StressedCase` for `runner`.
+    A run is given up after `SEARCH_RUN_TIMEOUT` if the study does not say when.
     """
     found: list[LimitSearch] = []
     skipped: list[str] = []
+    study = study.inside_worker(SEARCH_RUN_TIMEOUT)
     kind: Kind = next(k for k in ("dynamics", "sweep", "equilibrium") if k in case.run)  # type: ignore
     first = dict[str, str]()
     for solver in case.run[kind].solvers:
         first.setdefault(solver.partition(":")[0], solver)
     for engine, solver in first.items():
         parameters = {k: v for k, v in case.settings.get(solver, {}).items() if k != "defaults"}
-        stressed = StressedCase(case, kind, Setting(engine, parameters), store, runner=runner)
+        stressed = StressedCase(case, kind, Setting(engine, parameters), study)
         for search in SEARCHES:
             try:
                 found += search(stressed)
@@ -497,7 +494,7 @@ def search_segments(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase the number of segments of the rods."""
     require(stressed.case.rod, "segments: there is no rod")
     fewest = min(rod.segments for rod in stressed.case.rods)
-    slow = replace(stressed, timeout=MAX_SEGMENTS_TIMEOUT)
+    slow = stressed.with_longest(MAX_SEGMENTS_TIMEOUT)
     yield stressed.search(
         "segments of each rod",
         "1",
@@ -628,15 +625,17 @@ def find_shortest_length(case: Case, links: SiteNames, kind: Kind, folder: Path)
     return float("nan")
 
 
-def cached_shortest_length(case: Case, links: SiteNames, kind: Kind, store: Store) -> float:
+def stored_shortest_length(case: Case, links: SiteNames, kind: Kind, study: Study) -> float:
     """The length of `find_shortest_length`, computed once for all engines and kept in the store.
 
     Its search is slow, since the reference takes short steps near singular poses.
     """
     name = repr((case.model_dump_json(include=KEY_FIELDS), links, kind, digest_of_sources()))
-    file = store.folder / f"{digest(name.encode() + bytes_of_case_model(case))}.least.json"
     return float(
-        read_or_make(file, lambda: find_shortest_length(case, links, kind, store.folder / "models"))
+        study.store.value(
+            f"{digest(name.encode() + bytes_of_case_model(case))}.least.json",
+            lambda: find_shortest_length(case, links, kind, study.models),
+        )
     )
 
 
@@ -750,7 +749,7 @@ def search_spare_length(
     )
     case = with_planar_reference(stressed.case)
     kind_of_run: Kind = "dynamics" if "dynamics" in case.run else "sweep"
-    length = cached_shortest_length(case, links, kind_of_run, stressed.store)
+    length = stored_shortest_length(case, links, kind_of_run, stressed.study)
     require(np.isfinite(length), f"{pose}: no length of {' and '.join(links)} brings them there")
     for kind in (kind for kind in ("dynamics", "sweep") if kind in case.run):
         own = replace(stressed, case=case, kind=kind)
@@ -801,8 +800,7 @@ def search_rod_snap(stressed: StressedCase) -> Iterator[LimitSearch]:
             stressed,
             kind="sweep",
             setting=Setting(stressed.setting.engine, {**parameters, "segments": pieces}),
-            timeout=max(stressed.timeout, case.run["sweep"].timeout),
-        )
+        ).with_longest(max(stressed.study.longest or 0.0, case.run["sweep"].timeout))
         yield own.search(
             "drive's way until a rod snaps",
             unit,
@@ -826,10 +824,10 @@ def try_snap(stressed: StressedCase, distance: float) -> TrialResult:
     task = StudyRun(
         with_return_sweep(stressed.case, distance), "sweep", stressed.setting, "stress", timed=False
     )
-    found = measure_or_read(task, stressed.store, stressed.timeout)
+    found = stressed.study.measure_one(task, measure_untimed)
     if found.outcome != Outcome.RAN:
         return TrialResult(find_failure(found, "sweep"))
-    curves = stressed.store.curves(task_key(task))
+    curves = stressed.study.store.curves(task_key(task))
     return TrialResult(
         find_return_difference(
             {name: curves[f"channel.{name}"] for name in position_channels(stressed.case)}

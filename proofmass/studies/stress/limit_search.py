@@ -7,7 +7,7 @@ limit is not the engine's; see `proofmass.studies.stress.boundary.BoundaryKind`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache, partial
 from math import floor, isclose, isnan, log10
 from pathlib import Path
@@ -30,7 +30,6 @@ from proofmass.sim.protocol.theory import Scheme
 from proofmass.studies.bracket import Bracket
 from proofmass.studies.measure import Measurement, StudyRun, measure, observe, simulate_task
 from proofmass.studies.record import ParameterValue, Setting, format_kind
-from proofmass.studies.store import Store, task_key
 from proofmass.studies.stress.boundary import (
     NAN,
     PRINTED_DIGITS,
@@ -41,6 +40,7 @@ from proofmass.studies.stress.boundary import (
     VariedRange,
     is_engine_warning,
 )
+from proofmass.studies.study import Study
 from proofmass.studies.variants import PLANAR_REFERENCE, with_whole_steps
 from proofmass.verdict.outcome import Outcome
 
@@ -82,8 +82,6 @@ gave up."""
 
 TryValue = Callable[[float], TrialResult]
 """Tries a value of the parameter."""
-Runner = Callable[[StudyRun], Measurement]
-"""Makes a run."""
 
 
 @dataclass(frozen=True)
@@ -304,16 +302,13 @@ def step_by_factor(value: float, factor: float, end: float, up: bool) -> float:
 class StressedCase:
     """A case in one engine, and the kind of run in which its limits are searched for.
 
-    Runs are made by `measure_or_read`, with a limit of processor time `timeout` [s], and kept in
-    the store; if `runner` is given, it makes them instead.
+    Its runs are those of the study, see `Study.inside_worker`.
     """
 
     case: Case
     kind: Kind
     setting: Setting
-    store: Store
-    timeout: float = SEARCH_RUN_TIMEOUT
-    runner: Runner | None = None
+    study: Study
 
     @property
     def engine(self) -> Engine:
@@ -323,7 +318,11 @@ class StressedCase:
     @property
     def models(self) -> Path:
         """The folder in which changed models are kept."""
-        return self.store.folder / "models"
+        return self.study.models
+
+    def with_longest(self, seconds: float) -> "StressedCase":
+        """The same with another processor time after which a run is given up [s]."""
+        return replace(self, study=replace(self.study, longest=seconds))
 
     @property
     def integrator(self) -> str:
@@ -349,9 +348,7 @@ class StressedCase:
             case, self.kind, self.setting.with_parameters(**parameters), "stress", timed=False
         )
         try:
-            if self.runner:
-                return self.runner(task)
-            return measure_or_read(task, self.store, self.timeout)
+            return self.study.measure_one(task, measure_untimed)
         except InputError as error:
             refused = self.engine.native and not can_compile(case)
             return Measurement(outcome="refused" if refused else "no start", message=error.wrong)
@@ -425,18 +422,11 @@ class StressedCase:
         )
 
 
-def measure_or_read(
-    task: StudyRun, store: Store, timeout: float = SEARCH_RUN_TIMEOUT
-) -> Measurement:
-    """Make a run, or read it from the store if it was made before.
+def measure_untimed(task: StudyRun, timeout: float) -> Measurement:
+    """Make a run that is not timed; the measurement of a failed run has only its outcome.
 
     Its processor time is not used, so the run does not need a processor of its own.
     """
-    return store.once(task_key(task), task, timeout, partial(measure_untimed, task, timeout))
-
-
-def measure_untimed(task: StudyRun, timeout: float) -> Measurement:
-    """Make a run that is not timed; the measurement of a failed run has only its outcome."""
     found = measure(observe, task, False, None, timeout=timeout)
     return attribute_timeout(task, found) if found.outcome == Outcome.TIMED_OUT else found
 

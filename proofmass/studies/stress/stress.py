@@ -1,26 +1,23 @@
 """``proofmass stress``: limits of engines by measurement, and by theory where it is known.
 
-    store = Store(folder / "runs")
-    with pool() as workers:
-        problems = [cache_trials(one, store) for one in list_problems()]  # with known theory
-        found = stress(problems, workers)
-        found += stress(extremes(case, store)[0], workers)
-    write_boundaries(found, folder / "stress.csv")
+    study = Study(Store(folder / "runs"))
+    searches = [store_trials(one, study.store) for one in list_problems()]  # with known theory
+    searches += list_extremes(case, study)[0]
+    with study.working() as working:
+        write_boundaries(find_boundaries(searches, working), folder / "stress.csv")
 
 Several boundaries are searched for at a time.  The result of each trial is stored, so a study that
 was stopped can be continued.
 """
 
 from collections.abc import Iterable
-from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.table import Table
 
 from proofmass.base.wording import number
-from proofmass.studies.run import Progress
-from proofmass.studies.store import Store, digest, digest_of_sources, package_versions, read_or_make
+from proofmass.studies.store import Store, digest, digest_of_sources, package_versions
 from proofmass.studies.stress import problems
 from proofmass.studies.stress.boundary import (
     Boundary,
@@ -29,6 +26,7 @@ from proofmass.studies.stress.boundary import (
     TrialResult,
 )
 from proofmass.studies.stress.limit_search import LimitSearch, TryValue
+from proofmass.studies.study import Study
 
 
 def result_table(found: list[Boundary]) -> Table:
@@ -73,22 +71,22 @@ def result_table(found: list[Boundary]) -> Table:
 
 @dataclass(frozen=True)
 class StoredTrial:
-    """A trial whose results are stored in a folder, in one file for each value."""
+    """A trial whose results are stored, in one file for each value."""
 
     trial: TryValue
-    folder: Path
+    store: Store
     name: str
 
     def __call__(self, value: float) -> TrialResult:
         """The result for a value, read from its file or made now."""
-        file = self.folder / f"{digest(f'{self.name} {value!r}'.encode())}.trial.json"
-        failure, step = read_or_make(file, lambda: self.trial(value))
+        name = f"{digest(f'{self.name} {value!r}'.encode())}.trial.json"
+        failure, step = self.store.value(name, lambda: self.trial(value))
         return TrialResult(
             Failure(failure[0], BoundaryKind(failure[1]), failure[2]) if failure else None, step
         )
 
 
-def cache_trials(search: LimitSearch, store: Store) -> LimitSearch:
+def store_trials(search: LimitSearch, store: Store) -> LimitSearch:
     """The search with its trials stored; for small models, since cases store their own runs."""
     code = Path(str(problems.__file__)).read_text(encoding="utf-8")
     name = repr(
@@ -102,12 +100,10 @@ def cache_trials(search: LimitSearch, store: Store) -> LimitSearch:
             code,
         )
     )
-    return replace(search, trial=StoredTrial(search.trial, store.folder, name))
+    return replace(search, trial=StoredTrial(search.trial, store, name))
 
 
-def find_boundaries(
-    searches: Iterable[LimitSearch], workers: Executor, progress: Progress = lambda *_: None
-) -> list[Boundary]:
+def find_boundaries(searches: Iterable[LimitSearch], study: Study) -> list[Boundary]:
     """Find boundaries, several at a time.
 
     Parameters
@@ -115,10 +111,8 @@ def find_boundaries(
     searches : iterable of LimitSearch
         The searches, from `proofmass.studies.stress.problems.list_problems` and
         `proofmass.studies.stress.extremes.list_extremes`.
-    workers : Executor
-        The worker processes, from `proofmass.studies.run.pool`.
-    progress : callable
-        Called as ``progress(label, done, total)`` after each boundary.
+    study : Study
+        Has the workers, and the progress, which is called after each boundary.
 
     Returns
     -------
@@ -126,16 +120,9 @@ def find_boundaries(
         The boundaries, in the order of `searches`.
     """
     asked = list(searches)
-    futures = {workers.submit(one.find): k for k, one in enumerate(asked)}
     found: dict[int, Boundary] = {}
-    try:
-        for future in as_completed(futures):
-            k = futures[future]
-            found[k] = future.result()
-            progress(
-                f"{asked[k].what} {asked[k].engine} {asked[k].parameter}", len(found), len(asked)
-            )
-    finally:
-        for future in futures:
-            future.cancel()
+    for k, boundary in study.results(LimitSearch.find, [(one,) for one in asked]):
+        found[k] = boundary
+        label = f"{boundary.what} {boundary.engine} {boundary.parameter}"
+        study.progress(label, len(found), len(asked))
     return [found[k] for k in range(len(asked))]

@@ -35,8 +35,8 @@ from proofmass.studies.measure import (
     simulate_task,
 )
 from proofmass.studies.record import KIND_UNITS, NAN
-from proofmass.studies.run import Study
-from proofmass.studies.store import Store, digest, read_or_make, task_key
+from proofmass.studies.store import Store, digest, task_key
+from proofmass.studies.study import Study
 from proofmass.studies.trade.varied import own_settings_series
 from proofmass.studies.variants import multiply_attribute, with_model
 
@@ -284,7 +284,7 @@ def stored_distances(task: StudyRun, other: Case, store: Store, timeout: float) 
     Empty if either fails.
     """
     twin = replace(task, case=other)
-    file = store.folder / f"{task_key(task)}.{digest(task_key(twin).encode())[:16]}.parted.json"
+    name = f"{task_key(task)}.{digest(task_key(twin).encode())[:16]}.parted.json"
 
     def made() -> dict[str, list[float]]:
         one, two = (measure(simulate_task, each, timeout=timeout) for each in (task, twin))
@@ -292,7 +292,7 @@ def stored_distances(task: StudyRun, other: Case, store: Store, timeout: float) 
             return {}
         return {what: values.tolist() for what, values in largest_distances(task, one, two).items()}
 
-    return {what: np.array(values) for what, values in read_or_make(file, made).items()}
+    return {what: np.array(values) for what, values in store.value(name, made).items()}
 
 
 def largest_distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
@@ -307,11 +307,11 @@ def disturb_motions(
     cases: list[Case], kinds: list[Kind], study: Study
 ) -> list[DisturbedMotion | None]:
     """Call `disturb_motion` for many cases in parallel, in workers here or of a cluster."""
-    with study.working() as workers:
-        futures = [
-            workers.submit(
-                disturb_motion, case, kind, study.store, study.longest or case.run[kind].timeout
-            )
-            for case, kind in zip(cases, kinds, strict=True)
-        ]
-        return [future.result() for future in futures]
+    with study.working() as working:
+        return working.call_each(
+            disturb_motion,
+            [
+                (case, kind, study.store, study.longest or case.run[kind].timeout)
+                for case, kind in zip(cases, kinds, strict=True)
+            ],
+        )

@@ -31,13 +31,13 @@ from proofmass.studies.bounded import call_bounded
 from proofmass.studies.bracket import Bracket
 from proofmass.studies.measure import StudyRun, cached_reference
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import (
+from proofmass.studies.store import Store, task_key
+from proofmass.studies.study import (
     LONG_RUN_SECONDS,
     Study,
     has_shared_reference,
     reference_file,
 )
-from proofmass.studies.store import Store, read_or_make, task_key
 from proofmass.studies.trade.series import (
     AIMED_ERROR_SHARE,
     MIN_FALLING_ORDER,
@@ -390,9 +390,11 @@ def cached_reference_seconds(case: Case, store: Store) -> float:
     task = StudyRun(case, "dynamics", Setting(case.run["dynamics"].engines[0]))
     if reference_file(task, store):
         return 0.0
-    file = store.folder / f"{task_key(task)}.reference.json"
     return float(
-        read_or_make(file, lambda: call_bounded(case, "dynamics", reference_seconds, case))
+        store.value(
+            f"{task_key(task)}.reference.json",
+            lambda: call_bounded(case, "dynamics", reference_seconds, case),
+        )
     )
 
 

@@ -22,8 +22,8 @@ from proofmass.sim.protocol.settings import first_number
 from proofmass.studies import DEFAULT_LONGEST_RUN, DEFAULT_SEARCH_BUDGET
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow
-from proofmass.studies.run import make_row
 from proofmass.studies.store import Store, package_versions, task_key
+from proofmass.studies.study import make_row
 from proofmass.studies.trade.varied import ConvergenceSeries, list_series, with_step
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.verdict.outcome import Outcome

@@ -32,7 +32,7 @@ from proofmass.sim.protocol.settings import first_number
 from proofmass.studies import DEFAULT_LONGEST_RUN
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import KIND_UNITS, NAN, Setting, StudyRow, write_table
-from proofmass.studies.run import LONG_RUN_SECONDS, Study
+from proofmass.studies.study import LONG_RUN_SECONDS, Study
 from proofmass.studies.trade.case_series import CaseSeries, MeasuredSetting
 from proofmass.studies.trade.choose import is_default
 from proofmass.studies.trade.disturbed import (
@@ -111,8 +111,8 @@ def trade(
     InputError
         A case has no such run, or its model has an error.
     """
-    with study.working() as workers:
-        study = replace(study, workers=workers, longest=study.longest or DEFAULT_LONGEST_RUN)
+    with study.working() as working:
+        study = replace(working, longest=study.longest or DEFAULT_LONGEST_RUN)
         cases = list(cases)
         kinds = [kind_to_study(case, kind) for case in cases]
         motions = disturb_motions(cases, kinds, study)
@@ -308,14 +308,14 @@ def measure_roundings(all_series: Iterable[CaseSeries], study: Study) -> None:
         for kind in setting.kinds_at_floor
         if setting.cause_of(kind, at_floor=True)[0] == UNKNOWN_CAUSE
     ]
-    with study.working() as workers:
-        futures = {
-            setting: workers.submit(measure_rounding, task, study.store, study.limit(task))
-            for setting in dict.fromkeys([*rising, *unexplained])
-            for task in (setting.of.task(setting.k),)
-        }
-        for setting, future in futures.items():
-            setting.disturbed = future.result()
+    settings = list(dict.fromkeys([*rising, *unexplained]))
+    tasks = [setting.of.task(setting.k) for setting in settings]
+    with study.working() as working:
+        moved = working.call_each(
+            measure_rounding, [(task, study.store, study.limit(task)) for task in tasks]
+        )
+    for setting, one in zip(settings, moved, strict=True):
+        setting.disturbed = one
 
 
 def judge_series(one: CaseSeries, kind: str, budget: float) -> Verdict:

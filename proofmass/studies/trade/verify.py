@@ -32,8 +32,8 @@ from proofmass.studies import DEFAULT_LONGEST_RUN
 from proofmass.studies.bounded import call_limited
 from proofmass.studies.measure import REFERENCE_TIMEOUT, StudyRun, relative_errors
 from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow
-from proofmass.studies.run import Study
-from proofmass.studies.store import Store, read_or_make, task_key
+from proofmass.studies.store import Store, task_key
+from proofmass.studies.study import Study
 from proofmass.studies.trade.program import (
     ProgramRun,
     describe_drive,
@@ -215,9 +215,7 @@ def stored_shifted_error(
             found, note, failed = make()
         else:
             key = task_key(StudyRun(case, kind, setting))
-            found, note, failed = read_or_make(
-                study.store.folder / f"{key}.{error_kind}.shifted.json", make
-            )
+            found, note, failed = study.store.value(f"{key}.{error_kind}.shifted.json", make)
     except TimedOut as error:
         return NAN, "", str(error)
     return (NAN if found is None else found), note, failed

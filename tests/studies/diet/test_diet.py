@@ -29,6 +29,7 @@ from proofmass.studies.diet.scene import DietScene, load_scene, monitor_run
 from proofmass.studies.diet.trial import most_iterations
 from proofmass.verdict.compare import compare
 from tests.shipped import shipped
+from tests.studies.test_study_verdicts import RecordingSearch, unkept_study
 
 CORE_MODEL = """
 <mujoco model="core">
@@ -118,7 +119,7 @@ def search_without_timing(
 ) -> tuple[DietScene, Diet]:
     """The scene of a model and the result of a diet without timings."""
     scene = load_scene(file, seconds)
-    return scene, DietSearch(scene, rounds=0, **options).run()
+    return scene, RecordingSearch(scene, unkept_study(), rounds=0, **options).run()
 
 
 def element_names(spec: mujoco.MjSpec) -> dict[str, set[str]]:

@@ -14,11 +14,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.studies.diet.diet import Diet, DietSearch
+from proofmass.studies.diet.diet import Diet
 from proofmass.studies.diet.edits import EditedModel, set_option, write_model
 from proofmass.studies.diet.scene import load_scene
 from proofmass.studies.trade.program import bare_command
 from tests.studies.diet.test_diet import BALLAST, write_core_model
+from tests.studies.test_study_verdicts import RecordingSearch, unkept_study
 
 BARE_SCRIPT = Path(__file__).with_name("diet_bare.py")
 FAT_FOUR_BAR = Path(__file__).parents[3] / "docs" / "fourbar_fat.xml"
@@ -60,7 +61,7 @@ def run_diet_and_write(
     file: Path, folder: Path, seconds: float, **more: object
 ) -> tuple[Diet, Path]:
     """The result of a diet, and the file of the reduced model."""
-    found = DietSearch(load_scene(file, seconds, **more), rounds=0).run()  # type: ignore[arg-type]
+    found = RecordingSearch(load_scene(file, seconds, **more), unkept_study(), rounds=0).run()  # type: ignore[arg-type]
     return found, write_edited_model(found.reduced, folder)
 
 

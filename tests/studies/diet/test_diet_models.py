@@ -10,12 +10,12 @@ import pytest
 from proofmass.reference.evaluate import reference_for
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, plan_run
-from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.edits import set_option, write_model
 from proofmass.studies.diet.options import change_integrator, lengthen_step, loosen_tolerance
 from proofmass.studies.diet.scene import load_scene
 from proofmass.verdict.compare import compare
 from tests.shipped import shipped, shipped_files
+from tests.studies.test_study_verdicts import RecordingSearch, unkept_study
 
 SHIPPED_MODELS = shipped_files("*.xml")
 KEPT = {
@@ -35,7 +35,7 @@ KEPT = {
 
 def removed_features(file: Path) -> list[str]:
     """The titles of the features that a diet removes from a model."""
-    found = DietSearch(load_scene(file, 1.0), rounds=0, tune=False).run()
+    found = RecordingSearch(load_scene(file, 1.0), unkept_study(), rounds=0, tune=False).run()
     return [e.title for e in found.entries if e.outcome == "harmless"]
 
 
@@ -63,7 +63,7 @@ def test_a_longer_step_is_compared_with_the_reference(models, edit, tmp_path):
     edit("pendulum.xml", 'timestep="1e-3"', 'timestep="1.25e-4"')
     file, case = models / "pendulum.xml", load_case(models / "pendulum.toml")
     scene = load_scene(file, 1.0)
-    found = DietSearch(scene, rounds=0).run()
+    found = RecordingSearch(scene, unkept_study(), rounds=0).run()
     step = mujoco.MjModel.from_xml_path(str(file)).opt.timestep
     longer = found.reduced.compiled().opt.timestep
     assert longer >= 2 * step

@@ -14,6 +14,7 @@ from proofmass.studies.diet.edits import EditedModel, set_option
 from proofmass.studies.diet.scene import DietScene, load_scene
 from proofmass.studies.diet.trial import Cost, CostComparison
 from tests.studies.diet.test_diet import write_core_model
+from tests.studies.test_study_verdicts import RecordingSearch, unkept_study
 
 PENDULUM_MODEL = """<mujoco><option timestep="{step}" integrator="{integrator}" {more}/><worldbody>
   <body name="bob" pos="0 0 1"><joint name="bob" axis="0 1 0"/>
@@ -151,13 +152,13 @@ def test_the_order_of_options_with_less_work_is_taken(tmp_path):
     file = write_pendulum(tmp_path, step=1e-3)
     for error, integrator in ((1e-6, "RK4"), (0.05, "EULER")):
         scene = load_scene(file, 1.0, (), error)
-        found = DietSearch(scene, rounds=0).run()
+        found = RecordingSearch(scene, unkept_study(), rounds=0).run()
         reduced = found.reduced.compiled()
         assert mujoco.mjtIntegrator(reduced.opt.integrator).name == f"mjINT_{integrator}"
         assert options.evaluations_per_second(found.reduced) < 4000.0
         assert found.tuned
         assert found.whole.worst[2] <= 1
-    kept = DietSearch(scene, rounds=0, tune=False).run()
+    kept = RecordingSearch(scene, unkept_study(), rounds=0, tune=False).run()
     assert kept.reduced.compiled().opt.timestep == 1e-3
     assert not kept.tuned
     assert not [e for e in kept.entries if e.kind == "option"]
@@ -175,7 +176,7 @@ def test_measured_time_decides_on_the_jacobian(tmp_path, monkeypatch, saved, out
         lambda models, run, rounds, limit: CostComparison((Cost(2.0, 3), Cost(1.0, 2)), saved),
     )
     scene = load_scene(write_pendulum(tmp_path), 0.2)
-    now, entries = DietSearch(scene, rounds=9).optioned(scene.edited)
+    now, entries = RecordingSearch(scene, unkept_study(), rounds=9).optioned(scene.edited)
     entry = entries[-1]
     assert (entry.name, entry.outcome) == ("jacobian auto to sparse", outcome)
     assert entry.saved == saved
@@ -192,7 +193,7 @@ def test_without_a_fine_solution_the_time_step_is_kept(tmp_path):
     scene = load_scene(file, 1.0)
     assert scene.monitored_runs[0].bound is None
     assert "Options may change a channel by no more than a feature may" in scene.said[-1]
-    found = DietSearch(scene, rounds=0).run()
+    found = RecordingSearch(scene, unkept_study(), rounds=0).run()
     assert found.reduced.compiled().opt.timestep == 0.004
     assert found.reduced.compiled().opt.tolerance == 1e-8
 
@@ -205,8 +206,12 @@ def test_a_bound_that_allows_anything_gives_the_longest_step(tmp_path):
         monitored,
         bound=replace(monitored.bound, allowed=dict.fromkeys(monitored.bound.allowed, 1e9)),
     )
-    strict = DietSearch(scene, rounds=0).run().reduced.compiled().opt.timestep
-    found = DietSearch(replace(scene, monitored_runs=(loose,)), rounds=0).run().reduced.compiled()
+    strict = RecordingSearch(scene, unkept_study(), rounds=0).run().reduced.compiled().opt.timestep
+    found = (
+        RecordingSearch(replace(scene, monitored_runs=(loose,)), unkept_study(), rounds=0)
+        .run()
+        .reduced.compiled()
+    )
     assert found.opt.timestep == pytest.approx(float(monitored.bound.run.x[1]))
     assert found.opt.timestep > strict
 
@@ -224,7 +229,9 @@ def test_an_empty_set_of_features_is_not_tried(tmp_path, monkeypatch):
         return tried(self, now, feature, tuned)
 
     monkeypatch.setattr(DietSearch, "tried", noted)
-    DietSearch(load_scene(write_pendulum(tmp_path), 0.1), rounds=0, tune=False, blind=True).run()
+    RecordingSearch(
+        load_scene(write_pendulum(tmp_path), 0.1), unkept_study(), rounds=0, tune=False, blind=True
+    ).run()
     whole = [k for k, (kind, _) in enumerate(asked) if kind == "all of these"]
     assert whole[-1] == len(asked) - 1
     assert len(whole) == 2  # the harmless features of the first round, and all changes at the end

@@ -4,7 +4,6 @@ Edited models are lists of the names of their cuts, and the results of trials ar
 """
 
 from dataclasses import replace
-from pathlib import Path
 from typing import ClassVar
 
 import mujoco
@@ -15,21 +14,23 @@ from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.run import Run
 from proofmass.studies import measure
 from proofmass.studies.diet import diet
-from proofmass.studies.diet.diet import DietSearch, DietStore, reference_key
+from proofmass.studies.diet.diet import reference_key, trial_name
 from proofmass.studies.diet.options import Feature
 from proofmass.studies.diet.scene import Bound, DietScene, MonitoredRun
 from proofmass.studies.diet.table import Entry
 from proofmass.studies.diet.trial import Cost, CostComparison
+from proofmass.studies.store import Store
 from tests.studies.test_study_verdicts import (
     ModelWithProbe,
     NamesOfRemoved,
-    RecordingStore,
+    RecordingSearch,
     SearchByNames,
     answering_in_turn,
     diet_scene,
     feature,
     load_shipped_case,
     monitored_run_of,
+    unkept_study,
 )
 
 SPHERE_MODEL = "<mujoco><worldbody><geom size='{}'/></worldbody></mujoco>"
@@ -38,13 +39,14 @@ SPHERE_MODEL = "<mujoco><worldbody><geom size='{}'/></worldbody></mujoco>"
 def test_results_are_kept_for_equal_models_runs_engines_and_sources(tmp_path, monkeypatch):
     """A result is made again if something that it depends on has changed, and only then."""
     folder = tmp_path / "a" / "b"
+    store = Store(folder)
     one, two, twin = (
         mujoco.MjModel.from_xml_string(SPHERE_MODEL.format(size)) for size in (1, 2, 1)
     )
     made: list[int] = []
 
-    def once(models, runs, there: Path | None = folder):
-        return DietStore(there).once(models, runs, lambda: made.append(len(made)) or len(made))
+    def once(models, runs):
+        return store.value(trial_name(models, runs), lambda: made.append(len(made)) or len(made))
 
     asked = []
     monkeypatch.setattr(
@@ -61,8 +63,6 @@ def test_results_are_kept_for_equal_models_runs_engines_and_sources(tmp_path, mo
     assert once([one], ["run"]) == 6
     assert once([one], ["run"]) == 6
     assert len(list(folder.glob("*.json"))) == len(made) == 6
-    assert [once([one], ["run"], None) for _ in range(2)] == [7, 8]
-    assert len(list(tmp_path.rglob("*.json"))) == 6
 
 
 def stepped_run(**changes) -> MonitoredRun:
@@ -70,7 +70,7 @@ def stepped_run(**changes) -> MonitoredRun:
     return replace(monitored_run_of({"y": 0.5}, {"y": [0.0] * 9}), **changes)
 
 
-class OptionTrials(DietSearch):
+class OptionTrials(RecordingSearch):
     """A search whose edited models are lists of cuts: one with a "bad" cut matters.
 
     What it is asked to time is kept in its store.
@@ -90,9 +90,7 @@ class OptionTrials(DietSearch):
 
 
 def option_search(rounds: int = 0) -> OptionTrials:
-    return OptionTrials(
-        diet_scene(stepped_run()), rounds=rounds, store=RecordingStore(), workers="workers"
-    )
+    return OptionTrials(diet_scene(stepped_run()), unkept_study(workers="workers"), rounds=rounds)
 
 
 def option_maker(*names: str, asked: list | None = None):
@@ -232,7 +230,7 @@ def test_results_of_options_are_stored_with_their_references(monkeypatch):
     free, held = stepped_run(name="free"), stepped_run(name="held", bound=bound)
     for tuned, more in ((True, [None, reference_key(held)]), (False, [])):
         own = (OptionTrials if tuned else SearchByNames)(
-            diet_scene(free, held), rounds=0, store=RecordingStore()
+            diet_scene(free, held), unkept_study(), rounds=0
         )
         _, found = own.tried(NamesOfRemoved(), feature("new"), tuned)
         assert found.message == ("held" if tuned else "said")
@@ -291,7 +289,9 @@ def test_options_are_judged_by_errors_and_may_take_three_times_as_long(monkeypat
                 Curves(np.zeros(1), {"y": np.array([1.25])}),
             ),
         )
-        found = DietSearch(diet_scene(one, two)).judge_errors(["first", "second"], edited)
+        found = RecordingSearch(diet_scene(one, two), unkept_study()).judge_errors(
+            ["first", "second"], edited
+        )
         assert found == (outcome, {"held": {"y": 0.5}, "moved": {"y": 0.5, "probe": shown}}, "")
         assert calls == [
             ("attempt", "first", replace(bound.run, rods=("cut",)), 60.0),
@@ -306,7 +306,8 @@ def test_a_probe_that_is_monitored_by_name_may_not_be_missing(monkeypatch):
         monkeypatch.setattr(
             measure, "call_isolated", answering_in_turn([], Curves(np.zeros(1), {}))
         )
-        assert DietSearch(diet_scene(monitored)).judge_changes(["model"], edited)[0] == outcome
+        own = RecordingSearch(diet_scene(monitored), unkept_study())
+        assert own.judge_changes(["model"], edited)[0] == outcome
 
 
 def test_options_are_timed_in_the_run_of_their_reference(monkeypatch):
@@ -329,11 +330,11 @@ def test_options_are_timed_in_the_run_of_their_reference(monkeypatch):
         (monitored, False, (1.0, 2000)),
         (replace(monitored, bound=None), True, (1.0, 2000)),
     ):
-        DietSearch(diet_scene(one), rounds=3, store=RecordingStore()).timed(
+        RecordingSearch(diet_scene(one), unkept_study(), rounds=3).timed(
             NamesOfRemoved(), NamesOfRemoved(), entry, tuned
         )
         assert asked.pop() == wanted
-    DietSearch(diet_scene(monitored), rounds=3, store=RecordingStore()).timed(
+    RecordingSearch(diet_scene(monitored), unkept_study(), rounds=3).timed(
         NamesOfRemoved(), NamesOfRemoved(), entry
     )
     assert asked == [(1.0, 2000)]
@@ -365,7 +366,7 @@ def run_tuned_search(monkeypatch, kind: str = "dynamics", **options):
     )
     run = replace(stepped_run().run, kind=kind)
     scene = replace(diet_scene(stepped_run(run=run), edited=NamesOfRemoved()), said=("one", "two"))
-    own = TunedSearch(scene, rounds=0, store=RecordingStore(), workers="workers", **options)
+    own = TunedSearch(scene, unkept_study(workers="workers"), rounds=0, **options)
     return own, own.run()
 
 

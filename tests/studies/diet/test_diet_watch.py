@@ -13,10 +13,10 @@ from proofmass.base.worker import TimedOut
 from proofmass.commands.cli import app
 from proofmass.sim.protocol.run import Run
 from proofmass.studies.diet import scene as scenes
-from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.scene import load_scene
 from proofmass.studies.diet.trial import independent_groups
 from tests.studies.diet.test_diet_bare import compare_in_bare_mujoco, write_edited_model
+from tests.studies.test_study_verdicts import RecordingSearch, unkept_study
 
 TWO_CRANKS = """<mujoco><option timestep="0.002"/>
 <worldbody>
@@ -46,7 +46,7 @@ def write_two_cranks(folder: Path, sensors: str = "", tie: str = "") -> Path:
 def kept_bodies_and_sentences(file: Path, **more: object) -> tuple[set[str], tuple[str, ...]]:
     """The bodies that a diet keeps, and its sentences on what was monitored."""
     scene = load_scene(file, 0.3, **more)  # type: ignore[arg-type]
-    found = DietSearch(scene, rounds=0, tune=False).run()
+    found = RecordingSearch(scene, unkept_study(), rounds=0, tune=False).run()
     return {b.name for b in found.reduced.spec.bodies} - {"world"}, scene.said
 
 
@@ -78,7 +78,7 @@ def test_only_the_named_element_is_monitored(tmp_path, name):
     """It is a joint, a body, a site or a sensor; the sensors of energies are not monitored then."""
     file = write_two_cranks(tmp_path, ENERGIES + '<jointpos name="angle" joint="hinge"/>')
     scene = load_scene(file, 0.3, (name,))
-    found = DietSearch(scene, rounds=0, tune=False).run()
+    found = RecordingSearch(scene, unkept_study(), rounds=0, tune=False).run()
     assert {b.name for b in found.reduced.spec.bodies} == {"world", "crank"}
     assert scene.said[0].startswith("Monitored: ")
     assert name in scene.said[0]
@@ -136,7 +136,7 @@ def test_channels_of_a_sidecar_can_be_monitored(models, edit):
     scene = load_scene(file, 1.0, ("angle",))
     assert list(scene.monitored_runs[0].allowed) == ["angle"]
     assert scene.read == {"angle"}
-    found = DietSearch(scene, rounds=0, tune=False).run()
+    found = RecordingSearch(scene, unkept_study(), rounds=0, tune=False).run()
     assert [s.name for s in found.reduced.spec.sensors] == ["angle"]
     with pytest.raises(InputError, match="did you mean 'rate'"):
         load_scene(file, 1.0, ("rat",))

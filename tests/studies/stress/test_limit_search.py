@@ -24,6 +24,7 @@ from proofmass.studies.stress.limit_search import (
     round_to_printed,
 )
 from proofmass.studies.stress.page import describe_boundary
+from proofmass.studies.study import Study
 from tests.shipped import shipped
 
 PENDULUM = load_case(shipped("pendulum.toml"))  # 10 s in 1001 samples, in steps of 1 ms
@@ -32,9 +33,8 @@ CHANGED_PENDULUM = PENDULUM.model_copy(update={"title": "changed"})
 
 @pytest.fixture
 def stressed_pendulum(tmp_path) -> StressedCase:
-    return StressedCase(
-        PENDULUM, "dynamics", Setting("mujoco", {"integrator": "RK4"}), Store(tmp_path)
-    )
+    study = Study(Store(tmp_path), longest=5.0)
+    return StressedCase(PENDULUM, "dynamics", Setting("mujoco", {"integrator": "RK4"}), study)
 
 
 @pytest.fixture
@@ -121,7 +121,7 @@ def test_a_refused_model_is_that_of_the_changed_case(stressed_pendulum, monkeypa
     def failing(*_):
         raise InputError(PENDULUM.file, "model", "why")
 
-    monkeypatch.setattr(limit_search, "measure_or_read", failing)
+    monkeypatch.setattr(Study, "measure_one", failing)
     monkeypatch.setattr(limit_search, "can_compile", lambda case: asked.append(case))
     assert stressed_pendulum.run(CHANGED_PENDULUM) == Measurement(outcome="refused", message="why")
     assert asked == [CHANGED_PENDULUM]
@@ -139,22 +139,23 @@ def test_a_model_is_compiled_in_a_worker_within_a_minute(monkeypatch):
     assert calls == [(compiles, (CHANGED_PENDULUM.model_path,), 60.0)]
 
 
-def test_a_run_is_made_once_and_then_read_from_the_store(stressed_pendulum, monkeypatch):
+def test_a_run_is_made_once_and_then_read_from_the_store(stressed_pendulum):
     """It is read for another study too, and made again for another setting."""
     task, asked = StudyRun(PENDULUM, "dynamics", stressed_pendulum.setting), []
-    monkeypatch.setattr(
-        limit_search, "measure_untimed", lambda *told: asked.append(told) or Measurement(steps=3)
-    )
+    study = stressed_pendulum.study
+
+    def make(*told) -> Measurement:
+        asked.append(told)
+        return Measurement(steps=3)
+
     for _ in range(2):
-        assert limit_search.measure_or_read(task, stressed_pendulum.store, 5.0) == Measurement(
-            steps=3
-        )
+        assert study.measure_one(task, make) == Measurement(steps=3)
     assert asked == [(task, 5.0)]
     again = replace(task, study="another study")
-    assert limit_search.measure_or_read(again, stressed_pendulum.store).steps == 3
+    assert study.measure_one(again, make).steps == 3
     assert len(asked) == 1
     other = replace(task, setting=task.setting.with_parameters(integrator="Euler"))
-    assert limit_search.measure_or_read(other, stressed_pendulum.store, 5.0).steps == 3
+    assert study.measure_one(other, make).steps == 3
     assert asked[1:] == [(other, 5.0)]
 
 

@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 from proofmass.base.worker import TimedOut
-from proofmass.batch.pool import pool
 from proofmass.commands.cli import app
 from proofmass.reference.profiles import drive_profiles
 from proofmass.sim.mjcf import compile_model
@@ -37,7 +36,8 @@ from proofmass.studies.stress.extremes import (
 )
 from proofmass.studies.stress.limit_search import LimitSearch, NotApplicable, StressedCase, bisect
 from proofmass.studies.stress.page import stress_figure, write_stress
-from proofmass.studies.stress.stress import cache_trials, find_boundaries
+from proofmass.studies.stress.stress import find_boundaries, store_trials
+from proofmass.studies.study import Study
 from proofmass.studies.variants import with_longer_run
 
 
@@ -233,7 +233,7 @@ def test_stronger_springs_need_proportional_moments(stressed, engine, factor):
 
 def test_the_least_inertia_bounds_the_size(stressed):
     """The inertia of 1e-14 kg m2 times s^2 reaches MuJoCo's least, 1e-15, at s = 0.316."""
-    search, skipped = list_extremes(stressed("pendulum").case, stressed("pendulum").store)
+    search, skipped = list_extremes(stressed("pendulum").case, stressed("pendulum").study)
     smaller = next(
         s for s in search if s.parameter == "all lengths smaller" and s.engine == "mujoco"
     )
@@ -283,7 +283,7 @@ def test_a_wrong_length_moves_the_limit_position(stressed):
         update={"run": {"sweep": base.case.run["sweep"].model_copy(update={"n": 41})}}
     )
     wrong = variants.with_model(case, base.models, change)
-    search = next(s for s in list_extremes(wrong, base.store)[0] if s.parameter == "drive's way")
+    search = next(s for s in list_extremes(wrong, base.study)[0] if s.parameter == "drive's way")
     found = search.find()
     assert found.ratio < 0.99
     assert "off by" in found.failure
@@ -315,7 +315,7 @@ def test_the_first_solver_of_an_engine_gives_the_setting(stressed, monkeypatch):
     monkeypatch.setattr(
         "proofmass.studies.stress.extremes.SEARCHES", (lambda one: stands.append(one) or (),)
     )
-    list_extremes(base.case, base.store)
+    list_extremes(base.case, base.study)
     assert [one.setting for one in stands] == [
         Setting("mujoco", {"settled": True}),
         Setting("pymunk", {}),
@@ -352,15 +352,14 @@ def test_trials_are_made_once(tmp_path):
         )
 
     search = LimitSearch("spring", "mujoco", "Euler", "step", "s", 1.0, 100.0, trial, theory=3.0)
-    with pool(1) as workers:
-        first = find_boundaries([cache_trials(search, Store(tmp_path))], workers)
-        assert first[0].step == first[0].holds / 2
-        count = len(tried)
-        assert find_boundaries([cache_trials(search, Store(tmp_path))], workers) == first
-        assert len(tried) == count > 5
-        find_boundaries(
-            [cache_trials(replace(search, parameter="other"), Store(tmp_path))], workers
-        )
+    study = Study(Store(tmp_path))
+    first = find_boundaries([store_trials(search, study.store)], study)
+    assert first[0].step == first[0].holds / 2
+    count = len(tried)
+    assert find_boundaries([store_trials(search, study.store)], study) == first
+    assert len(tried) == count > 5
+    with study.working() as working:
+        find_boundaries([store_trials(replace(search, parameter="other"), study.store)], working)
     assert len(tried) == 2 * count
 
 

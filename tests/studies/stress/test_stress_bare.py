@@ -253,7 +253,7 @@ def test_a_step_that_was_not_asked_for_is_an_error(stressed, engine, monkeypatch
 def test_a_failed_run_has_no_time_step(stressed, monkeypatch):
     base = stressed("pendulum")
     monkeypatch.setattr(
-        "proofmass.studies.stress.limit_search.measure_or_read",
+        "proofmass.studies.study.Study.measure_one",
         lambda *_: Measurement(outcome="diverged"),
     )
     assert np.isnan(base.try_in_steps(base.case, 1.0, timestep=0.01).step)
@@ -261,6 +261,6 @@ def test_a_failed_run_has_no_time_step(stressed, monkeypatch):
 
 def test_the_time_step_of_a_recorded_curve_is_not_varied(stressed):
     _, skipped = extremes.list_extremes(
-        stressed("hacksaw_recorded").case, stressed("hacksaw_recorded").store
+        stressed("hacksaw_recorded").case, stressed("hacksaw_recorded").study
     )
     assert "time step: a recorded curve has its own samples" in skipped

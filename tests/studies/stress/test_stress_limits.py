@@ -8,6 +8,7 @@ from benchmarks import ROOT
 from benchmarks.limits import (
     CONFIRMED,
     PrintedLimit,
+    ProgramStudy,
     confirm,
     is_confirmed,
     kept_cells,
@@ -47,7 +48,7 @@ def test_only_limits_of_runs_with_time_steps_are_read():
 )
 def test_a_limit_that_is_5_percent_off_is_found(factor, result, tmp_path):
     one, _ = printed_limits(PAGE)
-    (found,) = confirm([replace(one, value=factor * one.value)], Store(tmp_path))
+    (found,) = confirm([replace(one, value=factor * one.value)], ProgramStudy(Store(tmp_path)))
     assert found.result == result
 
 
@@ -64,7 +65,7 @@ def test_several_boundaries_that_are_wrong_are_found(factors, result, tmp_path):
     """The pendulum has one boundary, beyond which no value holds again."""
     one, _ = printed_limits(PAGE)
     first, last = (factor * one.value for factor in factors)
-    (found,) = confirm([replace(one, value=first, again=last)], Store(tmp_path))
+    (found,) = confirm([replace(one, value=first, again=last)], ProgramStudy(Store(tmp_path)))
     assert found.result == result
 
 

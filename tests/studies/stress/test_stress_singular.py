@@ -13,7 +13,7 @@ from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.stress import extremes, theory
 from proofmass.studies.stress.boundary import BoundaryKind, Failure
-from proofmass.studies.stress.limit_search import bisect, measure_or_read
+from proofmass.studies.stress.limit_search import bisect, measure_untimed
 from proofmass.studies.variants import with_planar_reference
 
 (PYMUNK,) = engine_of("pymunk").theory.schemes
@@ -89,7 +89,7 @@ def test_error_over_constraint_violation_is_share_to_minus_one_half(stressed, na
         for share in shares
     ]
     found = [
-        measure_or_read(StudyRun(case, "dynamics", base.setting, "stress"), base.store)
+        base.study.measure_one(StudyRun(case, "dynamics", base.setting, "stress"), measure_untimed)
         for case in cases
     ]
     ratio = [one.errors["position"] / one.invariants["violation"] for one in found]
@@ -124,7 +124,7 @@ def test_a_sweep_that_stops_where_poses_exist_is_a_limit_of_proofmass(stressed, 
         stressed("fourbar", kind="sweep"),
         Measurement(outcome="stopped", message="no pose"),
     )
-    monkeypatch.setattr("proofmass.studies.stress.limit_search.measure_or_read", lambda *_: answer)
+    monkeypatch.setattr("proofmass.studies.study.Study.measure_one", lambda *_: answer)
     base = replace(base, case=with_planar_reference(base.case))
     assert extremes.try_spare_length(base, ("rocker_end",), 1.0, 0.0).failure == Failure(
         "stopped: no pose", BoundaryKind.OURS
@@ -240,11 +240,11 @@ def test_rk4_removes_energy_from_a_stiff_spring_as_its_matrix_says(stressed):
 def test_searches_that_do_not_apply_are_listed_with_reasons(stressed):
     """Without loops and drives there are no bars in line and no folds; with a load, no energy."""
     base = stressed("pendulum")
-    _, skipped = extremes.list_extremes(base.case, base.store)
+    _, skipped = extremes.list_extremes(base.case, base.study)
     assert "bars in line: no such links in a driven loop" in skipped
     assert "stretched arm: no such links in a driven loop" in skipped
     assert "fold: no rod that a single drive bends" in skipped
-    _, skipped = extremes.list_extremes(stressed("rod_cantilever").case, base.store)
+    _, skipped = extremes.list_extremes(stressed("rod_cantilever").case, base.study)
     assert any(why.startswith("energy: ") for why in skipped)
 
 
@@ -258,7 +258,7 @@ def test_rounding_decides_at_a_singular_pose_in_pymunk(stressed):
     base = stressed("fivebar")
     (search,) = (
         one
-        for one in extremes.list_extremes(base.case, base.store)[0]
+        for one in extremes.list_extremes(base.case, base.study)[0]
         if one.engine == "pymunk"
         and "bars come in line" in one.parameter
         and one.setting != "sweep"

@@ -23,8 +23,8 @@ from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.mujoco.snippet import insert_snippet
 from proofmass.sim.protocol.failures import Diverged, Unsupported
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade import verify as verify_module
 from proofmass.studies.trade.choose import (
     ERROR_MARGIN,

@@ -15,8 +15,8 @@ from proofmass.reference.samples import run_samples
 from proofmass.run.sidecar import load_case
 from proofmass.studies.measure import StudyRun, simulate_task
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade import trade
 from proofmass.studies.trade.disturbed import (
     DISTURBANCE,

@@ -11,8 +11,8 @@ from proofmass.sim.contents import may_touch
 from proofmass.sim.pymunk.theory import is_damped
 from proofmass.studies.measure import StudyRun, call_engine
 from proofmass.studies.record import Setting
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade.orders import expected_orders
 from proofmass.studies.trade.series import convergence_order
 from proofmass.studies.trade.varied import list_series

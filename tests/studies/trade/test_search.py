@@ -17,8 +17,8 @@ from proofmass.sim.protocol.programs import Imposed
 from proofmass.sim.pymunk.tried_settings import bias_of_share
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade import search as module
 from proofmass.studies.trade.program import ProgramRun
 from proofmass.studies.trade.search import (

@@ -7,8 +7,8 @@ import pytest
 from proofmass.run.sidecar import load_case
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade.series import find_series, list_cached_settings, predict_steps
 from proofmass.studies.trade.varied import list_series
 from tests.shipped import shipped

@@ -14,8 +14,8 @@ from proofmass.run.sidecar import load_case
 from proofmass.run.solve import MAX_FORCE_EVALUATIONS, describe_dynamics
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow, read_table
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade import trade
 from proofmass.studies.trade.choose import is_default
 from proofmass.studies.trade.orders import ORDER_TOLERANCE, expected_orders, is_unexpected

@@ -9,8 +9,8 @@ from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol.tuning import Perturbation
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade.case_series import CaseSeries
 from proofmass.studies.trade.floor_cause import (
     SIGNIFICANT_FACTOR,

@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 
 from proofmass.case.case import Case
 from proofmass.run.sidecar import load_case
-from proofmass.studies.run import Study
 from proofmass.studies.store import Store
+from proofmass.studies.study import Study
 from proofmass.studies.trade import trade
 from proofmass.studies.trade.series import find_worse_pair
 from proofmass.studies.trade.varied import list_series

@@ -1,4 +1,4 @@
-"""Run the tasks of a study in parallel; each result is stored at once, so that a study can resume.
+"""A study: where its runs are kept, who makes them, how long they may take, who hears of them.
 
     with pool(jobs=2) as workers:                  # or pool(dask="tcp://...")
         study = Study(Store(folder), workers)
@@ -7,30 +7,39 @@
     write_table(rows, folder / "trade.csv")
     study.store.curves(rows[0].key)                # x, channel.angle, ...
 
-A run that is in the store is not made again, even if another study asked for it.
+Each result is stored at once, so that a study that was stopped can be continued.  A run that is in
+the store is not made again, even if another study asked for it.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from math import ceil, isnan
 from pathlib import Path
+from typing import Any, TypeVar
 
 from proofmass.base.strict import Kind
 from proofmass.batch.pool import pool
 from proofmass.case.case import Case
-from proofmass.studies.measure import Measurement, StudyRun, measure_task
+from proofmass.studies.measure import Measurement, StudyRun, measure_task, repeat_task
 from proofmass.studies.record import NAN, Setting, StudyRow
-from proofmass.studies.store import Store
+from proofmass.studies.store import RunKey, Store, task_key
 
+T = TypeVar("T")
 Progress = Callable[[str, int, int], None]
-RunKey = tuple[str, int]  # key of a task and number of the repeat; 0 is the first run, with errors
+Make = Callable[[StudyRun, float], Measurement]
+"""Makes a run, within a limit of processor time [s]."""
 REPEATS_SECONDS = 0.3
 """Time that all repeats of a long run take together [s]: a short disturbance, such as an
 interrupt or another process, is a small share of it."""
 LONG_RUN_SECONDS = 0.1
 """Counted time [s] from which a run is long compared with a short disturbance."""
+
+
+def tell_nobody(label: str, done: int, total: int) -> None:
+    """The progress of a study that nobody looks at."""
 
 
 @dataclass(frozen=True)
@@ -43,26 +52,34 @@ class Study:
     store : Store
         Where every finished run is saved at once.
     workers : Executor, optional
-        From `proofmass.batch.pool.pool`; threads of this machine if not given.
+        From `proofmass.batch.pool.pool`.  Without workers calls are made here, one after the other.
     longest : float, optional
         Processor time after which a run is given up [s]; that of the sidecar if not given.
     progress : callable
-        Called as ``progress(label, done, total)`` after each run.
+        Called as ``progress(label, done, total)`` after each run; the total is 0 if it is not
+        known.
     """
 
     store: Store
     workers: Executor | None = None
     longest: float | None = None
-    progress: Progress = lambda *_: None
+    progress: Progress = tell_nobody
 
     @contextmanager
-    def working(self) -> Iterator[Executor]:
-        """The workers of the study, or threads of this machine that end with the context."""
+    def working(self) -> Iterator["Study"]:
+        """The study with its workers, or with threads of this machine that end with the context."""
         if self.workers:
-            yield self.workers
+            yield self
         else:
             with pool() as workers:
-                yield workers
+                yield replace(self, workers=workers)
+
+    def inside_worker(self, longest: float) -> "Study":
+        """The study for functions that workers call: they make their runs there, of `longest` [s].
+
+        It pickles, since it has neither workers nor progress.
+        """
+        return replace(self, workers=None, longest=self.longest or longest, progress=tell_nobody)
 
     @property
     def models(self) -> Path:
@@ -72,6 +89,65 @@ class Study:
     def limit(self, task: StudyRun) -> float:
         """Processor time after which a run of a task is given up [s]."""
         return self.longest or task.case.run[task.run].timeout
+
+    def results(
+        self, function: Callable[..., T], calls: Iterable[tuple]
+    ) -> Iterator[tuple[int, T]]:
+        """Call a function with each of some arguments: the number and the result of each call.
+
+        They come in the order in which calls end.  Calls that have not begun are cancelled if one
+        of them fails, or if the caller stops.
+        """
+        if self.workers is None:
+            for k, arguments in enumerate(calls):
+                yield k, function(*arguments)
+            return
+        futures = {self.workers.submit(function, *each): k for k, each in enumerate(calls)}
+        try:
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        finally:
+            for future in futures:
+                future.cancel()
+
+    def call_each(self, function: Callable[..., T], calls: Iterable[tuple]) -> list[T]:
+        """The results of a function for each of some arguments, in the order of these."""
+        found = dict(self.results(function, calls))
+        return [found[k] for k in sorted(found)]
+
+    def call(self, function: Callable[..., T], *arguments: Any, **named: Any) -> T:
+        """The result of one call of a function."""
+        return self.call_each(partial(function, **named), [arguments])[0]
+
+    def measure(
+        self, runs: Mapping[RunKey, StudyRun], make: Make, before: int = 0, later: int = 0
+    ) -> dict[RunKey, Measurement]:
+        """The results of runs: read from the store, or else made within their limits and stored.
+
+        Parameters
+        ----------
+        runs : mapping of (str, int) to StudyRun
+            Tasks by their key in the store and the number of the repeat.
+        make : callable
+            Makes one of the runs that are not in the store.
+        before, later : int
+            Numbers of other runs that the progress counts as done, and as to be done.
+        """
+        loaded = {unit: self.store.load(*unit, self.limit(task)) for unit, task in runs.items()}
+        found = {unit: one for unit, one in loaded.items() if one is not None}
+        missing = [unit for unit in runs if unit not in found]
+        calls = [(runs[unit], self.limit(runs[unit])) for unit in missing]
+        for k, one in self.results(make, calls):
+            unit, (task, limit) = missing[k], calls[k]
+            found[unit] = one
+            self.store.save(*unit, task, one, limit)
+            self.progress(task.label, before + len(found), before + len(runs) + later)
+        return found
+
+    def measure_one(self, task: StudyRun, make: Make) -> Measurement:
+        """The result of one run, see `measure`."""
+        unit = task.key or task_key(task), 0
+        return self.measure({unit: task}, make)[unit]
 
     def run(
         self,
@@ -111,34 +187,34 @@ class Study:
         """
         tasks = with_references(tasks, self.store)
         keys = self.store.find_keys(tasks)
+        by_key = dict(zip(keys, tasks, strict=True))
         again = set(keys) if repeated is None else {keys[k] for k in repeated}
-        with self.working() as workers:
-            rounds = Rounds(dict(zip(keys, tasks, strict=True)), self, workers)
-            rounds.make_runs([(key, 0) for key in rounds.tasks], later=repeats * len(again))
-            timed = {
+        with self.working() as study:
+            first = study.measure(
+                {(key, 0): task for key, task in by_key.items()},
+                measure_task,
+                later=repeats * len(again),
+            )
+            counts = {
                 key: repeats_needed(one.cost, repeats)
-                for key in rounds.tasks
-                if key in again
-                and (one := rounds.found[key, 0]).complete
-                and one.cost <= longest_repeated
+                for (key, _), one in first.items()
+                if key in again and one.complete and one.cost <= longest_repeated
             }
             # Round by round, not task by task: a disturbance of some seconds then spoils one
             # time of several tasks, not all times of one.
-            rounds.make_runs(
-                [
-                    (key, n)
-                    for n in range(1, repeats + 1)
-                    for key, most in timed.items()
-                    if n <= most
-                ]
-            )
-        found = [
-            [rounds.found[key, n] for n in range(repeats + 1) if (key, n) in rounds.found]
-            for key in keys
+            rounds = {
+                (key, n): by_key[key]
+                for n in range(1, repeats + 1)
+                for key in by_key
+                if n <= counts.get(key, 0)
+            }
+            found = first | study.measure(rounds, repeat_task, before=len(first))
+        measured = [
+            [found[key, n] for n in range(repeats + 1) if (key, n) in found] for key in keys
         ]
         return [
             make_row(task, each, repeats > 0, key)
-            for task, each, key in zip(tasks, found, keys, strict=True)
+            for task, each, key in zip(tasks, measured, keys, strict=True)
         ]
 
 
@@ -177,47 +253,6 @@ def reference_file(task: StudyRun, store: Store) -> Path | None:
         return None
     first = replace(task, setting=Setting("mujoco"), key="")
     return store.folder / f"{store.key(first)}.reference.npz"
-
-
-@dataclass
-class Rounds:
-    """Runs of tasks, found in the store or made, with what is needed to make more of them."""
-
-    tasks: dict[str, StudyRun]
-    study: Study
-    workers: Executor
-    found: dict[RunKey, Measurement] = field(default_factory=dict)
-
-    def make_runs(self, units: list[RunKey], later: int = 0) -> None:
-        """Load runs from the store, then make the missing ones; `later` counts as work to come."""
-        total = len(self.found) + len(units) + later
-        store, missing = self.study.store, list[RunKey]()
-        for unit in units:
-            key, repeat = unit
-            if (one := store.load(key, repeat, self.limit(key))) is None:
-                missing.append(unit)
-            else:
-                self.found[unit] = one
-        futures = {
-            self.workers.submit(measure_task, self.tasks[key], repeat > 0, self.limit(key)): (
-                key,
-                repeat,
-            )
-            for key, repeat in missing
-        }
-        try:
-            for future in as_completed(futures):
-                key, repeat = futures[future]
-                self.found[key, repeat] = future.result()
-                store.save(key, repeat, self.tasks[key], future.result(), self.limit(key))
-                self.study.progress(self.tasks[key].label, len(self.found), total)
-        finally:
-            for future in futures:
-                future.cancel()
-
-    def limit(self, key: str) -> float:
-        """Processor time after which a run of a task is given up [s]."""
-        return self.study.limit(self.tasks[key])
 
 
 def make_row(task: StudyRun, found: list[Measurement], is_timed: bool, key: str = "") -> StudyRow:
