@@ -87,7 +87,7 @@ FILLED_IN_DEFAULTS = {
     "run": {"solvers": "all engines", "n": 361},
     "channels": {"equals": "by name", "unit": "SI"},
 }
-INTERNAL_FIELDS = ("file", "unmatched", "called")
+INTERNAL_FIELDS = ("file", "unmatched", "called", "reads_model")
 
 
 def compare_keys(text: str, model: type[BaseModel], filled: dict[str, Any]) -> None:

@@ -580,14 +580,15 @@ class Refine(Strict):
 
 
 class Case(Strict, ShownAsHtml):
-    """One sidecar.  `file` is its path; the other fields are its tables, but for the last two.
+    """One sidecar.  `file` is its path; the other fields are its tables, but for the last three.
 
     `unchecked` says that on purpose nothing of the case is checked.  `unmatched` are sensors that
     are not listed and match no quantity.  `called` is the name of the case if other cases have the
-    name of its file.
+    name of its file.  `reads_model` says that the reference reads its numbers from the MJCF, whose
+    errors it then shares.
     """
 
-    fields_without_key = frozenset({"file", "unmatched", "called"})
+    fields_without_key = frozenset({"file", "unmatched", "called", "reads_model"})
 
     file: Path
     title: str
@@ -611,6 +612,7 @@ class Case(Strict, ShownAsHtml):
     unchecked: Switch = False
     unmatched: tuple[str, ...] = ()
     called: str = ""
+    reads_model: bool = False
 
     @property
     def name(self) -> str:

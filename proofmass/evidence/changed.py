@@ -20,7 +20,6 @@ from proofmass.base.errors import InputError
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case, DriveTable, LoadTable, ProfileTable
 from proofmass.reference.evaluate import evaluate
-from proofmass.reference.find import reads_model
 from proofmass.reference.inputs import compiled_model
 from proofmass.reference.mobility import mobility
 from proofmass.reference.run_reference import shared_reference
@@ -296,7 +295,7 @@ def signed_errors(
         raise InputError(changed.file, "drive", f"the run ends early: {curves.stopped}")
     reference = (
         evaluate(changed, kind, curves.x, curves.drive)
-        if reads_model(case)
+        if case.reads_model
         else shared_reference(case, kind, curves).as_driven(curves.drive)
     )
     check_assembly_mode(case, kind, curves, reference)

@@ -28,7 +28,6 @@ from proofmass.base.grouping import group_by
 from proofmass.base.worker import interrupt_workers
 from proofmass.case.case import Case
 from proofmass.evidence.coverage_search import CheckedRun, Finding, Search
-from proofmass.reference.find import reads_model
 from proofmass.run.fingerprint import (
     digest,
     digest_recorded_files,
@@ -168,7 +167,7 @@ def find_coverage(
         tuple(search.parameters()),
         tuple(sorted(found, key=lambda one: list(NUMBER_KINDS).index(one.kind))),
         tuple(search.differing()),
-        reads_model(case),
+        case.reads_model,
         case.constant_channels,
         search.left_out,
         monotonic() - begin,

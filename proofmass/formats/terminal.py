@@ -16,7 +16,6 @@ from rich.text import Text
 
 from proofmass.batch.check import Result, family_of
 from proofmass.case.case import Case
-from proofmass.reference.find import reads_model
 from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, UNCHECKED_OUTCOMES, Outcome
@@ -350,7 +349,7 @@ def failure_lines(
     for case in result.cases:
         if case.unmatched:
             yield Text(f"· {case.name}: {describe_unmatched(case)}", style="dim")
-        if reads_model(case):
+        if case.reads_model:
             yield Text(f"· {case.name}: {describe_own_numbers(case)}", style="dim")
     judged = [c for c in result.comparisons if c.outcome in CHECKED_OUTCOMES and c.channel]
     if judged:

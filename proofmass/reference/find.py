@@ -102,12 +102,6 @@ def reference_class(case: Case) -> type[Reference] | None:
     return None if isinstance(found, Recorded) else found
 
 
-def reads_model(case: Case) -> bool:
-    """Whether the reference reads its numbers from the MJCF, whose errors it then shares."""
-    found = reference_class(case)
-    return found is not None and found.reads_model
-
-
 def covers_inertia(case: Case) -> bool:
     """Whether the reference can include inertia in moments and forces."""
     found = reference_class(case)

@@ -59,7 +59,6 @@ from proofmass.report.words import (
     format_closeness,
     headline,
     quantity_kind,
-    reads_own_model,
 )
 from proofmass.sim.engines import format_solver
 from proofmass.verdict.compare import Comparison
@@ -162,7 +161,7 @@ def render_page(
         studied=[(s.title, link) for s in studies if (link := s.of(case))],
         drive_units=tell(drive_units, ["rad or m"] * len(case.drive)),
         parameters=parameters_of(case),
-        own_numbers=reads_own_model(case),
+        own_numbers=case.reads_model,
         dof=tell(mobility, None),
         knowledge=properties_of(case, result, all_reached_limits(runs)),
         has_constants=bool(case.constant_channels),

@@ -4,12 +4,10 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from proofmass.base.errors import InputError
 from proofmass.base.grouping import group_by
 from proofmass.base.units import MOTION_UNITS, si_unit
 from proofmass.base.wording import format_list, number
 from proofmass.case.case import Case
-from proofmass.reference.find import reads_model
 from proofmass.sim.engines import format_solver
 from proofmass.verdict.compare import Comparison
 from proofmass.verdict.outcome import (
@@ -87,14 +85,6 @@ def group_by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, 
     return group_by((c for c in comparisons if c.run in runs), lambda c: c.solver)
 
 
-def reads_own_model(case: Case) -> bool:
-    """Whether the reference reads the numbers of the model; false for a reference at fault."""
-    try:
-        return reads_model(case)
-    except InputError:
-        return False
-
-
 def headline(
     case: Case, comparisons: Iterable[Comparison], steps: Mapping[str, float] | None = None
 ) -> str:
@@ -127,7 +117,7 @@ def headline(
     sweep, dynamics = group_by_solver(own, *quiet), group_by_solver(own, "dynamics")
     within = " and ".join(quiet)
     true, false = ("The model matches the reference", "The model does not match the reference")
-    if reads_own_model(case):
+    if case.reads_model:
         true, false = (
             "The model moves as its own numbers say",
             "The model does not move as its own numbers and laws say",

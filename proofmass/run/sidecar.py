@@ -26,7 +26,13 @@ from proofmass.base.units import FORCE_UNITS, MOTION_UNITS, POSITION_UNITS, si_u
 from proofmass.case.case import Case, ProfileTable, RangeShare, Tolerance
 from proofmass.case.inputs import is_recorded
 from proofmass.reference.evaluate import all_quantities
-from proofmass.reference.find import NoReference, covers_inertia, find_class, load_reference
+from proofmass.reference.find import (
+    NoReference,
+    covers_inertia,
+    find_class,
+    load_reference,
+    reference_class,
+)
 from proofmass.reference.inputs import compiled_model
 from proofmass.reference.mobility import leaves_dof
 from proofmass.reference.profiles import prescribed_quantities
@@ -445,7 +451,10 @@ def load_case(file: Path | str) -> Case:
     except (ValueError, OverflowError) as error:
         raise InputError(file, "", f"not TOML: {error}") from None
     case.require_model()
-    return case.model_copy(update={"tolerance": (*case.tolerance, *added)})
+    shared = False
+    with suppress(InputError):  # the validation reports a reference that cannot be loaded
+        shared = bool((reference := reference_class(case)) and reference.reads_model)
+    return case.model_copy(update={"tolerance": (*case.tolerance, *added), "reads_model": shared})
 
 
 LIMITS_OF_RUNS = "timeout", "memory"

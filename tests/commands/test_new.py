@@ -83,7 +83,7 @@ def test_the_schema_has_keys_of_the_file_and_no_internal_fields(validator):
     """The schema has the keys of tables by their names in the file, but no internal fields."""
     schema = sidecar_schema()
     assert schema["properties"].keys() >= {"accuracy", "drive", "channels", "refine"}
-    assert not {"file", "unmatched", "called"} & schema["properties"].keys()
+    assert not {"file", "unmatched", "called", "reads_model"} & schema["properties"].keys()
     assert "from" in schema["$defs"]["DriveTable"]["properties"]
     assert "null" not in json.dumps(schema)
 

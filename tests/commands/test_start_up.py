@@ -2,8 +2,12 @@
 
 import subprocess
 import sys
+from pathlib import Path
+from shutil import copy
 
 import pytest
+
+from tests.shipped import MODELS
 
 SLOW_PACKAGES = {"numpy", "scipy", "mujoco", "pymunk", "pydantic", "pint", "matplotlib"}
 MAX_OWN_MODULES = 75
@@ -60,6 +64,21 @@ def test_importing_check_loads_no_module_that_few_checks_need() -> None:
     assert not [name for name in own if name.startswith(folders)]
     assert "proofmass.sim.protocol.tuning" not in own
     assert len(own) <= MAX_OWN_MODULES
+
+
+def test_a_check_loads_the_reference_in_its_workers_only(tmp_path: Path) -> None:
+    """The pendulum's closed form needs SciPy."""
+    for name in ("pendulum.toml", "pendulum.xml"):
+        copy(MODELS / "linkages" / name, tmp_path)
+    edit = tmp_path / "pendulum.toml"
+    text = edit.read_text().replace("until = 10.0 ", "until = 1.0 ").replace("n = 1001", "n = 11")
+    edit.write_text(text)
+    code = f"import sys; sys.argv = ['proofmass', 'check', {str(edit)!r}]\n"
+    code += "from proofmass.__main__ import main\ntry: main()\n"
+    loaded = modules_loaded_by(code + "except SystemExit as end: assert end.code == 0")
+    assert "proofmass.formats.terminal" in loaded
+    assert not {"scipy", "pymunk"} & {name.partition(".")[0] for name in loaded}
+    assert "proofmass.analytic.linkages.pendulum" not in loaded
 
 
 def test_a_command_does_not_search_for_plugins_of_pydantic() -> None:

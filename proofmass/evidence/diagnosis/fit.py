@@ -31,7 +31,7 @@ from proofmass.evidence.changed import model_source, numbers_of_case, with_chang
 from proofmass.evidence.diagnosis.explanation import Edits, Explanation, rank_key
 from proofmass.evidence.diagnosis.fault import Fault, model_fault, parameter_fault
 from proofmass.reference.evaluate import evaluate
-from proofmass.reference.find import parameter_unit, reads_model
+from proofmass.reference.find import parameter_unit
 from proofmass.reference.inputs import compiled_model
 from proofmass.reference.run_reference import changeable_parameters
 from proofmass.run.solve import call_engine, plan_run, solve_here
@@ -288,7 +288,7 @@ class ModelResiduals(Residuals):
 
     def __init__(self, case: Case, run: Kind, solver: str, curves: Curves) -> None:
         super().__init__(case, run, solver, curves)
-        if reads_model(case):
+        if case.reads_model:
             self.allowed = {
                 n: most for n, most in self.allowed.items() if n in case.constant_channels
             }

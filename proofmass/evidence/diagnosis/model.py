@@ -28,7 +28,6 @@ from proofmass.evidence.diagnosis.fit import (
     remaining_share,
     slopes_of,
 )
-from proofmass.reference.find import reads_model
 from proofmass.reference.inputs import compiled_model
 from proofmass.reference.run_reference import changeable_parameters
 from proofmass.run.solve import solve_here
@@ -105,7 +104,7 @@ def differences_with(
             curves = solve_here(changed, run, solver)
             if curves.x.size != residuals.curves.x.size:
                 return {}
-            of = changed if reference_follows and reads_model(case) else case
+            of = changed if reference_follows and case.reads_model else case
             found = Residuals(of, run, solver, curves).before
     except RUN_EXCEPTIONS:
         return {}
@@ -184,7 +183,7 @@ def is_model_wrong(case: Case, cause: Explanation) -> bool:
 
 def sign_causes(model: ChangedModel) -> Iterator[Explanation]:
     """Causes by the opposite sign of gravity, springs, loads, gears, and axes of joints."""
-    if reads_model(model.case):  # it would change with the model
+    if model.case.reads_model:  # it would change with the model
         return
     groups = [[n for n in model.numbers if n.kind == "gravity" and n.value]]
     groups += [[n] for n in model.numbers if n.kind in FLIPPED_KINDS[1:] and n.value]
@@ -247,7 +246,7 @@ def rebound_causes(model: ChangedModel) -> Iterator[Explanation]:
     edits = tuple((n, REBOUND_RATIO - n.value) for n in soft)
     faults = [replace(model.fault(n, REBOUND_RATIO), note="no rebound") for n in soft]
     model.residuals.log.tried.append("stops without a rebound")
-    if reads_model(model.case):
+    if model.case.reads_model:
         model.budget.spend()
         if not is_same_run(model.residuals, differences_with(model.residuals, edits, False)):
             return
