@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
+from proofmass.base.errors import InputError
 from proofmass.batch.check import Result
 from proofmass.report import index_page, pages
 from proofmass.report.case_figures import find_motions as moved
@@ -36,13 +37,15 @@ from tests.report.index_rows import (
     CASE_NAMES,
     MADE,
     comparison_of,
+    index_files,
     index_text,
     last_record,
     make_record,
     result_for_index,
     small_thumbnail,
 )
-from tests.shipped import shipped
+from tests.report.many_rows import result_of_many
+from tests.shipped import MODELS, shipped
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +156,7 @@ def test_a_cell_of_a_failed_run_has_a_word_and_no_dot(page):
     assert (cell.lanes[0].at, cell.lanes[0].words) == (None, "pymunk: diverged")
     row = rows_of(page)["slider_crank"]
     assert "pymunk, dynamics: diverged: why not." in row
-    assert '<b class="bad">diverged</b>' in row
+    assert '<b class="bad">diverged</b> <span></span>' in row  # no kind of quantity
     assert '<span class="unseen">diverged</span>' in row
 
 
@@ -162,6 +165,128 @@ def test_the_axis_of_cells_is_logarithmic_and_limited():
         axis_place(1e-12) - axis_place(1e-15), abs=0.02
     )
     assert [axis_place(v) for v in (0.0, 1e-99, 1e99)] == [0.0, 0.0, 100.0]
+
+
+def cells_of(row: str) -> dict[str, tuple[str, bool]]:
+    """The error of each cell of a row, and whether it is marked as a failure, by the heading."""
+    found = re.findall(r'(?s)data-label="([^"]+)">.*?<b( class="bad")?>([^<]+)</b>', row)
+    return {heading: (error, bool(bad)) for heading, bad, error in found}
+
+
+def test_a_cell_has_the_error_of_the_runs_and_the_engine_of_its_heading():
+    errors = {
+        ("sweep", "mujoco"): 1e-9,
+        ("dynamics", "mujoco"): 2e-5,
+        ("sweep", "pymunk"): 3e-7,
+        ("dynamics", "pymunk"): 4e-3,
+    }
+    rows = [
+        comparison_of("fourbar", run, engine, "pin.x", error, allowed=1e-3)
+        for (run, engine), error in errors.items()
+    ]
+    rows[-1] = replace(rows[-1], outcome=Outcome.DIFFERS)
+    fourbar = load_case(shipped("fourbar.toml"))
+    page = index_text(Result([fourbar], rows, paths=(MODELS,)))
+    assert cells_of(rows_of(page)["fourbar"]) == {
+        "Quasi-static · MuJoCo": ("1e-9", False),
+        "Quasi-static · pymunk": ("3e-7", False),
+        "Dynamics · MuJoCo": ("2e-5", False),
+        "Dynamics · pymunk": ("4e-3", True),
+    }
+
+
+def test_a_dot_of_a_power_of_ten_is_on_the_line_of_the_axis_with_that_power():
+    powers = (-15, -12, -9, -6, -3, 0)
+    rows = [
+        comparison_of("pendulum", "dynamics", f"mujoco:{k}", "angle", 10.0**power, 10.0)
+        for k, power in enumerate(powers)
+    ]
+    page = index_text(Result([load_case(shipped("pendulum.toml"))], rows, paths=(MODELS,)))
+    dots = re.findall(r'<svg class="dot[^"]*" x="([^"]+)%"', page)
+    assert len(set(dots)) == len(powers)
+    assert re.findall(r'<line class="grid[^"]*" x1="([^"]+)%"', page) == dots
+    assert re.findall(r'<line class="grid one" x1="([^"]+)%"', page) == [dots[-1]]
+    labels = re.findall(r'<text[^>]* x="([^"]+)%"[^>]*>([^<]+)</text>', page)
+    assert labels == [(dots[1], "1e−12"), (dots[3], "1e−6"), (dots[5], "1")]
+    assert re.findall(r'class="minor" x="([^"]+)%"', page) == [dots[3]]
+
+
+def test_a_row_and_its_facts_say_the_same(page):
+    """A row that is not drawn yet has a short form, which the script makes of the facts."""
+    rows, facts = rows_of(page), facts_of(page)
+    assert rows.keys() == facts.keys() == set(CASE_NAMES)
+    for name, row in rows.items():
+        own = facts[name]
+        assert f'<a href="{own["page"]}">{name}</a>' in row
+        assert f"<p>{own['title']}</p>" in unescape(row)
+        assert f'<span aria-hidden="true">{own["symbol"]}</span>' in row
+        assert f'<span class="unseen">{own["word"]}</span>' in row
+        assert f"{own['checked']} of {own['channels']}<i>" in row
+        assert f'<td class="cost right">{own["seconds"]:g} s</td>' in row
+        assert data_attribute(row, "state") == own["state"]
+        assert re.search(r'(?s)<td class="picture">\s*<svg', row)
+    words = [own["word"] for own in facts.values()]
+    assert words == ["diverged", "differs", "agrees", "agrees", "agrees"]
+    assert [own["symbol"] for own in facts.values()] == ["⚠", "✗", "✓", "✓", "✓"]
+
+
+def test_the_facts_of_a_row_are_what_the_filters_look_for(page):
+    facts = facts_of(page)
+    engines = {name: own["engines"].split() for name, own in facts.items()}
+    assert engines["pendulum"] == ["mujoco", "adams"]
+    assert engines["slider_crank"] == ["mujoco", "pymunk"]
+    failing = {name: own["failing"] for name, own in facts.items() if own["failing"]}
+    assert failing == {"slider_crank": "pymunk", "fourbar": "mujoco"}
+    words = facts["fourbar"]["search"].split()
+    assert {"linkages", "fourbar", "pin.x", "rocker"} <= set(words)
+    changes = {name: (own["changes"], own["worse"]) for name, own in facts.items()}
+    assert changes["pendulum"] == (1, 1)
+    assert changes["hacksaw_recorded"] == (1, 0)
+    assert changes["fourbar"] == (0, 0)
+
+
+def test_the_cost_above_the_table_is_the_sum_of_those_of_the_rows(page):
+    """Each run of a solver takes 0.5 s in these results; an engine that failed states no time."""
+    costs = {name: own["seconds"] for name, own in facts_of(page).items()}
+    assert costs["fourbar"] == costs["rod_cantilever"] == 1.0  # two runs
+    assert costs["hacksaw_recorded"] == 0.5
+    assert f"{sum(costs.values()):.2g} s of simulation" in page
+
+
+def test_a_column_is_sorted_by_the_largest_error_and_failures_are_beyond_all_numbers(page):
+    values = {name: own["values"] for name, own in facts_of(page).items()}
+    assert values["fourbar"]["quasi-static/mujoco"] == 0.03
+    assert values["pendulum"]["quasi-static/mujoco"] is None  # it has no such run
+    assert values["slider_crank"]["dynamics/pymunk"] > 1e300
+    assert math.isfinite(values["slider_crank"]["dynamics/pymunk"])  # JSON has no infinity
+
+
+def test_many_errors_of_inputs_are_folded():
+    def page_with(count: int) -> str:
+        errors = [InputError(Path(f"/home/me/c{k}.toml"), "n", "too few") for k in range(count)]
+        return index_text(Result(errors=errors))
+
+    many = page_with(12)
+    assert "12 inputs at fault" in many
+    assert many.index("c9.toml") < many.index("<summary>2 more</summary>") < many.index("c10.toml")
+    assert "more</summary>" not in page_with(10)
+
+
+def test_files_of_rows_continue_the_page_with_the_rows_and_their_drawings():
+    files = index_files(result_of_many(85))
+    first = list(rows_of(files.page))
+    assert len(first) == 40
+    names = list(facts_of(files.page))
+    for number, text in enumerate(files.row_files, 1):
+        mark, call = text.splitlines()
+        assert mark.startswith("// ")
+        found, rows, poses = json.loads(re.fullmatch(r"takeRows\(\.\.\.(.*)\);", call)[1])
+        assert found == number
+        there = [name for row in rows for name in rows_of(row)]
+        assert there == names[40 * number : 40 * (number + 1)]
+        assert 'class="dot' in rows[0]
+        assert poses == [small_thumbnail().data] * len(there)
+    assert [len(json.loads(f.partition("...")[2][:-3])[1]) for f in files.row_files] == [40, 5]
 
 
 def test_an_unknown_engine_has_its_own_column_and_marker(page):
