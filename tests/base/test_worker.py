@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -140,6 +141,33 @@ def test_a_crash_is_reported_with_the_output_of_the_last_call_alone():
     assert str(crash.value) == (
         "killed by signal 6 (SIGABRT): Aborting: mass must be positive in body 3"
     )
+
+
+def warn_and_abort() -> None:
+    warnings.warn("a division by zero", RuntimeWarning, stacklevel=1)
+    os.abort()
+
+
+def test_the_report_of_a_crash_has_no_warnings_and_is_short():
+    with pytest.raises(Crashed) as crash:
+        call_isolated(warn_and_abort, timeout=20)
+    assert str(crash.value) == "killed by signal 6 (SIGABRT)"
+    words = "".join(f"{k:03d}," for k in range(200))
+    with pytest.raises(Crashed) as crash:
+        call_isolated(speak_and_abort, words, timeout=20)
+    assert str(crash.value) == f"killed by signal 6 (SIGABRT): {words[:240]}"
+
+
+def test_an_exit_is_a_crash_with_the_code_of_the_exit():
+    with pytest.raises(Crashed, match=r"^exit code 3$"):
+        call_isolated(os._exit, 3, timeout=20)
+
+
+@pytest.mark.skipif(not hasattr(worker.resource, "RLIMIT_DATA"), reason="memory has no limit")
+def test_a_call_has_eight_gib_by_default():
+    limit, most = call_isolated(worker.resource.getrlimit, worker.resource.RLIMIT_DATA, timeout=20)
+    eight = 8 * 2**30
+    assert limit == (eight if most == worker.resource.RLIM_INFINITY else min(eight, most))
 
 
 def test_an_abort_of_chipmunk_is_reported_with_its_message():
@@ -364,6 +392,34 @@ def test_a_call_with_less_than_a_hundredth_of_a_processor_is_idle(
         call_isolated(time.sleep, 60, timeout=0.05)
 
 
+COMPUTES = "import time\nwhile time.process_time() < 0.3: pass\nprint(flush=True); time.sleep(600)"
+
+
+def times_with_child() -> tuple[float, float, float, float]:
+    """The processor time of this process without a child, with one, after it, and by `os` [s].
+
+    The child computes for 0.3 s.
+    """
+    alone = worker.processor_seconds(os.getpid())
+    command = [sys.executable, "-I", "-S", "-c", COMPUTES]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as child:
+        child.stdout.readline()
+        both = worker.processor_seconds(os.getpid())
+        child.kill()
+    after = worker.processor_seconds(os.getpid())
+    return alone, both, after, sum(os.times()[:4])
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system has no /proc")
+def test_the_processor_time_of_a_process_includes_that_of_its_children():
+    """The system counts the time of a child as its parent's when the child has ended."""
+    alone, both, after, stated = call_isolated(times_with_child, timeout=20)
+    assert both - alone > 0.25
+    assert after == pytest.approx(stated, abs=0.1)
+    assert after >= both - 0.05
+    assert call_isolated(worker.processor_seconds, 2**22 + 1, timeout=20) is None  # no such process
+
+
 def remaining_time() -> tuple[float, float]:
     """Processor time and wall time after which the timers of this process end it [s]."""
     return signal.getitimer(signal.ITIMER_PROF)[0], signal.getitimer(signal.ITIMER_REAL)[0]
@@ -434,6 +490,20 @@ def test_ctrl_c_ends_a_check_whose_runs_would_go_on(models, edit):
         time.sleep(0.1)
     process.send_signal(signal.SIGINT)
     assert process.wait(60.0) == 130
+
+
+def raise_signal(number: int) -> None:
+    """End this process by a signal, also if its caller ignores that signal."""
+    signal.signal(number, signal.SIG_DFL)
+    signal.raise_signal(number)
+
+
+def test_a_ctrl_c_that_reaches_the_worker_first_is_no_crash():
+    """A terminal sends Ctrl-C to all its processes, and a worker may end before its caller."""
+    with pytest.raises(KeyboardInterrupt):
+        call_isolated(raise_signal, signal.SIGINT, timeout=20)
+    with pytest.raises(Crashed, match=r"killed by signal 15 \(SIGTERM\)"):
+        call_isolated(raise_signal, signal.SIGTERM, timeout=20)
 
 
 def test_an_interrupt_leaves_no_watch_that_the_process_would_wait_for(monkeypatch):

@@ -193,6 +193,9 @@ def test_a_cell_has_the_error_of_the_runs_and_the_engine_of_its_heading():
         "Dynamics · MuJoCo": ("2e-5", False),
         "Dynamics · pymunk": ("4e-3", True),
     }
+    rows = [replace(rows[0], error_max=2 * 0.012345)]
+    page = index_text(Result([fourbar], rows, paths=(MODELS,)))
+    assert cells_of(rows_of(page)["fourbar"])["Quasi-static · MuJoCo"][0] == "0.012"
 
 
 def test_a_dot_of_a_power_of_ten_is_on_the_line_of_the_axis_with_that_power():
@@ -377,7 +380,10 @@ def test_a_trend_is_drawn_of_errors_that_change():
         history = extend_history(history, make_record(Result(comparisons=rows), MADE))
     before = last_record(result)
     rows = rows_of(index_text(result, before, history))
-    (points,) = re.findall(r'<polyline points="([^"]+)"', rows["pendulum"])
+    ((words, points),) = re.findall(
+        r'aria-label="([^"]+)"><polyline points="([^"]+)"', rows["pendulum"]
+    )
+    assert words == "dynamics MuJoCo, angle: 3 reports, 1e-9 to 9e-7 of the range"
     heights = [float(point.split(",")[1]) for point in points.split()]
     assert len(heights) == 3
     assert heights == sorted(heights, reverse=True)  # errors grow upwards
