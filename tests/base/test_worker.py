@@ -344,7 +344,7 @@ def test_the_limit_is_that_of_one_call_not_of_all_calls_of_a_worker(timeout):
     """Linux counts the limit in ticks of up to 10 ms, which are no share of these limits."""
     close_idle_workers()
     with pytest.raises(TimedOut):
-        call_isolated(compute, 2 * timeout, timeout=timeout)
+        call_isolated(compute_for_ever, timeout=timeout)  # a busy system may lose half of the ticks
     process = call_isolated(os.getpid, timeout=20)
     for _ in range(3):
         call_isolated(compute, 0.6 * timeout, timeout=timeout)

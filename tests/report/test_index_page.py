@@ -264,6 +264,10 @@ def test_a_column_is_sorted_by_the_largest_error_and_failures_are_beyond_all_num
     assert math.isfinite(values["slider_crank"]["dynamics/pymunk"])  # JSON has no infinity
 
 
+def test_a_channel_with_a_number_represents_an_engine_that_has_none_of_another(page):
+    assert cells_of(rows_of(page)["pendulum"])["Dynamics · adams"] == ("1e-9", False)
+
+
 def test_many_errors_of_inputs_are_folded():
     def page_with(count: int) -> str:
         errors = [InputError(Path(f"/home/me/c{k}.toml"), "n", "too few") for k in range(count)]
@@ -387,6 +391,7 @@ def test_a_trend_is_drawn_of_errors_that_change():
     heights = [float(point.split(",")[1]) for point in points.split()]
     assert len(heights) == 3
     assert heights == sorted(heights, reverse=True)  # errors grow upwards
+    assert 9 < max(heights) - min(heights) <= max(heights) <= 18  # within the frame, most of it
     assert "polyline" not in rows["hacksaw_recorded"]  # its channel is in one report only
     assert "polyline" not in rows_of(index_text(result, before))["pendulum"]
 
