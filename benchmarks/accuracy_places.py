@@ -12,7 +12,7 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.case.case import Case
-from proofmass.studies.measure import call_engine, channel_errors
+from proofmass.studies.measure import call_engine, distances_to_reference
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.trade.series import MeasuredSeries, points_before_slowdown
 from proofmass.studies.trade.varied import list_series
@@ -53,7 +53,7 @@ def errors_at_all_places(case: Case, verdict: Verdict, setting: Setting) -> Arra
     return np.concatenate(
         [
             errors
-            for kind, errors in channel_errors(model, verdict.run, curves)
+            for kind, errors in distances_to_reference(model, verdict.run, curves)
             if kind == verdict.kind
         ]
     )

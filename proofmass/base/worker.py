@@ -250,8 +250,8 @@ def import_path() -> list[str]:
 
 
 idle_workers: LifoQueue[Worker] = LifoQueue()
-"""Workers that wait for a call.  The last one is used first: it has cached the reference of the
-case that a study is working on."""
+"""Workers that wait for a call.  The last one is used first: it has in memory what the case needs
+that a study is working on, such as its compiled model."""
 busy_workers: set[Worker] = set()
 interrupted = threading.Event()
 

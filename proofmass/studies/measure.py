@@ -1,13 +1,8 @@
 """Measure one run of a study: run the engine on a reserved processor, compare with the reference.
 
 No two timed runs of any study on this machine use the same processor at the same time.
-
-References are cached in the process, for runs that need the same one.  The reference of a free
-motion is also kept in a file: its integration takes longer than most runs, and must not count as
-time of the run that happens to be the first.
 """
 
-import io
 import os
 import platform
 import time
@@ -17,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from math import isnan
 from pathlib import Path
-from threading import Lock
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -25,13 +19,9 @@ import numpy as np
 from proofmass.base.arrays import Array
 from proofmass.base.clock import processor_time
 from proofmass.base.errors import InputError
-from proofmass.base.files import write_atomically
 from proofmass.base.strict import Kind
 from proofmass.base.worker import DEFAULT_MEMORY, call_isolated
 from proofmass.case.case import Case
-from proofmass.reference.evaluate import reference_for
-from proofmass.reference.inputs import reference_identity
-from proofmass.reference.samples import run_samples
 from proofmass.run.solve import call_engine
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, NotSolved
@@ -39,6 +29,7 @@ from proofmass.sim.protocol.run import Run
 from proofmass.studies.invariants import invariants
 from proofmass.studies.locks import HAS_LOCKS, announce_waiting, holder, try_lock, wait_for_lock
 from proofmass.studies.record import KIND_UNITS, NAN, Setting
+from proofmass.studies.references import moved_as_prescribed, reference_at, write_reference
 from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
 
 LOCK_POLL_SECONDS = 0.005  # s between two looks for a free processor
@@ -121,56 +112,9 @@ def load_average() -> float:
 
 
 T = TypeVar("T")
-MAX_CACHED_REFERENCES = 8
-"""Number of references in memory; those of driven runs differ from run to run and are used once."""
-ReferenceKey = tuple[str | int | bytes, ...]
-reference_cache: dict[ReferenceKey, dict[str, Array]] = {}
-
-
-def cached_reference(case: Case, kind: Kind, curves: Curves) -> dict[str, Array]:
-    """Reference curves of a run by channel, as `reference_for` gives them, from the cache if there.
-
-    Runs of a free motion, and sweeps whose drives are exact, share one reference.  The integration
-    of a free linkage takes longer than most runs that are compared with it.
-    """
-    key = reference_key(case, kind, curves)
-    found = reference_cache.pop(key, None) or reference_for(case, kind, curves).channels
-    cache_reference(key, found)
-    return found
-
-
-def reference_key(case: Case, kind: Kind, curves: Curves) -> ReferenceKey:
-    """Key of the reference of a run in the cache: case, kind of run, samples and drive motion."""
-    motion = b"".join(part.tobytes() for part in (curves.x, *(curves.drive or ())))
-    return *reference_identity(case), kind, motion
-
-
-def cache_reference(key: ReferenceKey, channels: dict[str, Array]) -> None:
-    """Put a reference into the cache of this process, which keeps those that were used last."""
-    while len(reference_cache) >= MAX_CACHED_REFERENCES:
-        del reference_cache[next(iter(reference_cache))]
-    reference_cache[key] = channels
-
-
-def write_reference(case: Case, kind: Kind, file: Path) -> None:
-    """Write the reference of a free motion into a file, for `read_reference` in other processes."""
-    packed = io.BytesIO()
-    np.savez(packed, **cached_reference(case, kind, Curves(run_samples(case, kind), {})))  # type: ignore[arg-type]
-    write_atomically(file, packed.getvalue())
-
-
-def read_reference(case: Case, kind: Kind, file: Path) -> None:
-    """Put the reference that `write_reference` wrote for the same case into the cache, if any."""
-    key = reference_key(case, kind, Curves(run_samples(case, kind), {}))
-    if key not in reference_cache and file.is_file():
-        with np.load(file) as arrays:
-            cache_reference(key, dict(arrays))
-
-
 REFERENCE_TIMEOUT = (
     600.0  # s, processor time after which the reference of a free motion is given up
 )
-reference_locks: dict[Path, Lock] = {}
 SHORT_RUN_SECONDS = 0.02
 """Counted time [s] below which a run is made twice and timed the second time: a process needs some
 milliseconds more for the first run."""
@@ -197,7 +141,7 @@ class StudyRun:
     value : float
         Value of the varied parameter [its unit], such as a time step in s.
     reference : path, optional
-        File of the reference of a free motion; it is written first if it is missing.
+        File of the reference at the prescribed motion, see `proofmass.studies.references`.
     key : str
         Key of the run in the store, if it is known; see `proofmass.studies.store.task_key`.
     timed : bool
@@ -252,9 +196,6 @@ class Measurement:
         return self.seconds if isnan(self.work) else self.work
 
 
-failed_references: dict[Path, Measurement] = {}
-"""References of free motions that this process could not evaluate, by file, with the reason."""
-
 STUDY_OUTCOME_OF_EXCEPTION: dict[type[Exception], Outcome] = {
     **OUTCOME_OF_EXCEPTION,
     NotSolved: Outcome.NOT_SOLVED,
@@ -308,10 +249,6 @@ def repeat_task(task: StudyRun, timeout: float) -> Measurement:
 def measure_reserved(task: StudyRun, is_repeat: bool, timeout: float) -> Measurement:
     """Do what `measure_task` or `repeat_task` does."""
     with reserve_processor() as core:
-        if task.reference and not is_repeat:
-            write_missing_reference(task, task.reference)
-            if task.reference in failed_references:
-                return failed_references[task.reference]
         found = measure(
             observe, task, is_repeat, core, timeout=timeout, memory=task.case.run[task.run].memory
         )
@@ -324,39 +261,32 @@ def measure_reserved(task: StudyRun, is_repeat: bool, timeout: float) -> Measure
     raise InputError(task.case.model_path, "", found.message)
 
 
-def write_missing_reference(task: StudyRun, file: Path) -> None:
-    """Write the reference of a free motion into a file, if it is not there.
+def write_reference_of(task: StudyRun) -> Measurement | None:
+    """Write the reference of a free motion before its runs, so that it is no part of their time.
 
-    This is done before the run, so that it does not count as time of the run.  If the reference
-    cannot be evaluated, `failed_references` gets the reason, and no setting of the case has a
-    reference.
+    It is evaluated in a process of its own, on a reserved processor.  The result of a failure is
+    that of all runs, as no setting of the case has a reference then.
     """
     limits = task.case.run[task.run]
-    with reference_locks.setdefault(file, Lock()):
-        if file.is_file() or file in failed_references:
-            return
+    with reserve_processor():
         try:
             found = measure(
                 write_reference,
-                task.setting.apply_to(task.case, task.run)[0],
+                task.case,
                 task.run,
-                file,
+                task.reference,
                 timeout=max(REFERENCE_TIMEOUT, limits.timeout),
                 memory=limits.memory,
             )
         except InputError as error:
-            failed_references[file] = Measurement(outcome=Outcome.NO_REFERENCE, message=error.wrong)
-        else:
-            if isinstance(found, Measurement):
-                failed_references[file] = replace(found, message=f"its reference: {found.message}")
+            return Measurement(outcome=Outcome.NO_REFERENCE, message=error.wrong)
+    return found and replace(found, message=f"its reference: {found.message}")
 
 
 def observe(task: StudyRun, is_repeat: bool, core: int | None) -> Measurement:
     """Run a task in this process, pinned to a processor; `is_repeat` leaves out the comparison."""
     with pin_process(core):
         case, run = task.setting.apply_to(task.case, task.run)
-        if task.reference and not is_repeat:
-            read_reference(case, task.run, task.reference)
         before = load_average()
         curves, shared = time_run(task.setting.engine, case.model_path, run)
         if task.timed and curves.cost < SHORT_RUN_SECONDS:
@@ -373,7 +303,7 @@ def observe(task: StudyRun, is_repeat: bool, core: int | None) -> Measurement:
             load=max(before, load_average()),
             work=curves.work,
         )
-        return cost if is_repeat else compare_run(case, run, curves, cost)
+        return cost if is_repeat else compare_run(case, run, curves, cost, task.reference)
 
 
 def simulate_task(task: StudyRun) -> Curves:
@@ -387,7 +317,9 @@ def step_taken(kind: Kind, curves: Curves) -> float:
     return float(str(curves.settings.get("timestep", NAN))) if kind == "dynamics" else NAN
 
 
-def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Measurement:
+def compare_run(
+    case: Case, run: Run, curves: Curves, cost: Measurement, file: Path | None
+) -> Measurement:
     """Compare a run with its reference: `cost` with errors, invariants, outcome and curves."""
     kind = cast(Kind, run.kind)
     channels = {f"channel.{name}": values for name, values in curves.channels.items()}
@@ -396,10 +328,11 @@ def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Meas
         return replace(cost, outcome=Outcome.NOT_FINITE, message=bad_sample)
     asked = dict[str, float]()
     try:
-        errors = relative_errors(case, kind, curves)
+        kept = file if moved_as_prescribed(run, curves) else None
+        errors = relative_errors(case, kind, curves, kept)
         if drives_moved(run, curves):
             prescribed = replace(curves, drive=run.motion(curves.x))
-            asked = relative_errors(case, kind, prescribed)
+            asked = relative_errors(case, kind, prescribed, file)
     except InputError as error:  # such as a pose that the mechanism cannot have
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=error.wrong)
     return replace(
@@ -434,15 +367,22 @@ def first_not_finite(channels: dict[str, Array]) -> str:
     return ""
 
 
-def relative_errors(case: Case, kind: Kind, curves: Curves) -> dict[str, float]:
-    """Largest error of each kind of channel, as a share of the reference's range [1]."""
+def relative_errors(
+    case: Case, kind: Kind, curves: Curves, file: Path | None = None
+) -> dict[str, float]:
+    """Largest error of each kind of channel, as a share of the reference's range [1].
+
+    The reference is that of `proofmass.studies.references.reference_at`, to which `file` belongs.
+    """
     found = dict[str, float]()
-    for kind_of_error, errors in channel_errors(case, kind, curves):
+    for kind_of_error, errors in distances_to_reference(case, kind, curves, file):
         found[kind_of_error] = max(float(errors.max()), found.get(kind_of_error, 0.0))
     return found
 
 
-def channel_errors(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str, Array]]:
+def distances_to_reference(
+    case: Case, kind: Kind, curves: Curves, file: Path | None = None
+) -> Iterator[tuple[str, Array]]:
     """For each channel its kind, and its errors (n,) as shares of the reference's range [1].
 
     Channels whose reference is constant have no range and are left out.
@@ -452,7 +392,7 @@ def channel_errors(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str
     InputError
         The mechanism cannot have a pose of the drives, or the reference is not finite.
     """
-    reference = cached_reference(case, kind, curves)
+    reference = reference_at(case, kind, curves, file)
     if bad_sample := first_not_finite(reference):
         raise case.error("reference", f"not finite: {bad_sample}")
     return channel_distances(case, kind, reference, curves.channels)

@@ -33,7 +33,7 @@ from proofmass.run.fingerprint import (
     package_versions,
 )
 from proofmass.sim.mjcf import model_key
-from proofmass.studies import invariants, measure
+from proofmass.studies import invariants, measure, references
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
@@ -48,7 +48,7 @@ RunKey = tuple[str, int]
 KEYS_PER_CALL = 32  # settings for whose keys one call of a worker compiles the models
 TIMED_OUT = Outcome.TIMED_OUT
 PARTIAL_FILE_SECONDS = 3600.0  # [s] since its last change, after which a partial file is deleted
-RESULT_MODULES = measure, invariants, drive, profile, recorded, recording
+RESULT_MODULES = measure, references, invariants, drive, profile, recorded, recording
 """Modules on whose code a result depends, beside those of `digest_sources`."""
 
 

@@ -14,17 +14,24 @@ the store is not made again, even if another study asked for it.
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil, isnan
 from pathlib import Path
 from typing import Any, TypeVar
 
-from proofmass.base.strict import Kind
 from proofmass.batch.pool import pool
-from proofmass.case.case import Case
-from proofmass.studies.measure import Measurement, StudyRun, measure_task, repeat_task
+from proofmass.sim.mjcf import NATIVE_ENGINE
+from proofmass.sim.protocol.settings import ParameterValue
+from proofmass.studies.measure import (
+    Measurement,
+    StudyRun,
+    measure_task,
+    repeat_task,
+    write_reference_of,
+)
 from proofmass.studies.record import NAN, Setting, StudyRow
+from proofmass.studies.references import has_one_reference
 from proofmass.studies.store import RunKey, Store, task_key
 
 T = TypeVar("T")
@@ -58,12 +65,16 @@ class Study:
     progress : callable
         Called as ``progress(label, done, total)`` after each run; the total is 0 if it is not
         known.
+    failed_references : dict of Path to Measurement
+        References of free motions that cannot be evaluated, by their files, with the reason.  They
+        are tried once in a study.
     """
 
     store: Store
     workers: Executor | None = None
     longest: float | None = None
     progress: Progress = tell_nobody
+    failed_references: dict[Path, Measurement] = field(default_factory=dict, repr=False)
 
     @contextmanager
     def working(self) -> Iterator["Study"]:
@@ -136,13 +147,40 @@ class Study:
         loaded = {unit: self.store.load(*unit, self.limit(task)) for unit, task in runs.items()}
         found = {unit: one for unit, one in loaded.items() if one is not None}
         missing = [unit for unit in runs if unit not in found]
-        calls = [(runs[unit], self.limit(runs[unit])) for unit in missing]
-        for k, one in self.results(make, calls):
-            unit, (task, limit) = missing[k], calls[k]
+        self.write_references(runs[unit] for unit in missing if unit[1] == 0)
+        for unit, one in self.make_runs({unit: runs[unit] for unit in missing}, make):
+            task = runs[unit]
             found[unit] = one
-            self.store.save(*unit, task, one, limit)
+            self.store.save(*unit, task, one, self.limit(task))
             self.progress(task.label, before + len(found), before + len(runs) + later)
         return found
+
+    def make_runs(
+        self, runs: Mapping[RunKey, StudyRun], make: Make
+    ) -> Iterator[tuple[RunKey, Measurement]]:
+        """Make runs; those whose reference failed have its failure as their result."""
+        failed = self.failed_references
+        units = [unit for unit, task in runs.items() if task.reference not in failed]
+        for unit, task in runs.items():
+            if task.reference in failed:
+                yield unit, failed[task.reference]
+        for k, one in self.results(make, [(runs[unit], self.limit(runs[unit])) for unit in units]):
+            yield units[k], one
+
+    def write_references(self, tasks: Iterable[StudyRun]) -> None:
+        """Write the references of free motions that are in no file; note those that fail."""
+        missing = {
+            task.reference: task
+            for task in tasks
+            if task.reference
+            and has_one_reference(task.case, task.run)
+            and task.reference not in self.failed_references
+            and not task.reference.is_file()
+        }
+        failures = self.call_each(write_reference_of, [(task,) for task in missing.values()])
+        self.failed_references.update(
+            {file: one for file, one in zip(missing, failures, strict=True) if one}
+        )
 
     def measure_one(self, task: StudyRun, make: Make) -> Measurement:
         """The result of one run, see `measure`."""
@@ -232,27 +270,26 @@ def repeats_needed(seconds: float, repeats: int) -> int:
 
 
 def with_references(tasks: Iterable[StudyRun], store: Store) -> list[StudyRun]:
-    """The tasks with the file of their reference, which all tasks of one run of a case share."""
-    files: dict[tuple[int, Kind], Path | None] = {}
-    found = list[StudyRun]()
-    for task in tasks:
-        if (run := (id(task.case), task.run)) not in files:
-            files[run] = reference_file(task, store)
-        found.append(replace(task, reference=files[run]))
-    return found
+    """The tasks with the files of their references at the prescribed motions.
+
+    Of the parameters of a setting only the number of segments of rods can change a reference.
+    """
+    tasks = list(tasks)
+    keys = store.find_keys(
+        [
+            StudyRun(task.case, task.run, Setting(NATIVE_ENGINE, segments_of(task.setting)))
+            for task in tasks
+        ]
+    )
+    return [
+        replace(task, reference=store.folder / f"{key}.reference.npz")
+        for task, key in zip(tasks, keys, strict=True)
+    ]
 
 
-def has_shared_reference(case: Case, kind: Kind) -> bool:
-    """Whether all settings of a run have the same reference: a free motion without rods."""
-    return kind == "dynamics" and not case.drive and not case.rod
-
-
-def reference_file(task: StudyRun, store: Store) -> Path | None:
-    """File of the reference of a run if `has_shared_reference`, else None."""
-    if not has_shared_reference(task.case, task.run):
-        return None
-    first = replace(task, setting=Setting("mujoco"), key="")
-    return store.folder / f"{store.key(first)}.reference.npz"
+def segments_of(setting: Setting) -> dict[str, ParameterValue]:
+    """The number of segments of rods, if a setting has one."""
+    return {name: value for name, value in setting.parameters.items() if name == "segments"}
 
 
 def make_row(task: StudyRun, found: list[Measurement], is_timed: bool, key: str = "") -> StudyRow:

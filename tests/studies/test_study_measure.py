@@ -2,7 +2,6 @@
 
 import os
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +13,7 @@ from proofmass.base.strict import Kind
 from proofmass.base.worker import Crashed, TimedOut
 from proofmass.case.case import Case
 from proofmass.case.drive import DriveState
-from proofmass.reference.evaluate import evaluate, reference_for
+from proofmass.reference.evaluate import evaluate
 from proofmass.reference.profiles import drive_profiles
 from proofmass.reference.samples import run_samples
 from proofmass.run.sidecar import load_case
@@ -23,9 +22,7 @@ from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, BadSetting, Diverged, NotSolved, Unsupported
 from proofmass.studies import measure
 from proofmass.studies.measure import (
-    MAX_CACHED_REFERENCES,
     StudyRun,
-    cached_reference,
     drives_moved,
     first_not_finite,
     observe,
@@ -92,45 +89,6 @@ def test_errors_are_computed_at_the_actual_state_of_the_drive():
     assert max(relative_errors(FOURBAR, "dynamics", Curves(x, exact, drive=late)).values()) == 0.0
 
 
-def test_a_reference_is_computed_once_for_each_model_and_drive_motion(models, monkeypatch):
-    def count(case, kind, curves):
-        asked.append(case.parameters)
-        return reference_for(case, kind, curves)
-
-    asked: list[dict] = []
-    monkeypatch.setattr(measure, "reference_for", count)
-    case, x = load_case(models / "fourbar.toml"), run_samples(FOURBAR, "dynamics")
-    state = prescribed_drive_state(FOURBAR, "dynamics", x)
-    late = state[0] - 1e-3, *state[1:]
-    longer = case.model_copy(update={"parameters": {**case.parameters, "crank": 1.01}})
-    settled = case.model_copy(update={"settings": {"mujoco": {"timestep": 1.0}}})
-    for _ in range(2):
-        for one, drive in ((case, state), (settled, state), (case, late), (longer, state)):
-            curves = Curves(x, {}, drive=drive)
-            found, fresh = (
-                cached_reference(one, "dynamics", curves),
-                reference_for(one, "dynamics", curves).channels,
-            )
-            assert all(np.array_equal(found[name], fresh[name]) for name in fresh)
-    assert len(asked) == 3
-    case.model_path.write_bytes(case.model_path.read_bytes() + b" ")
-    cached_reference(case, "dynamics", curves)
-    assert len(asked) == 4
-
-
-def test_a_reference_that_is_used_again_stays_in_the_cache(monkeypatch):
-    case, x = FOURBAR, run_samples(FOURBAR, "dynamics")
-    value, rate, acceleration = prescribed_drive_state(case, "dynamics", x)
-    monkeypatch.setattr(measure, "reference_cache", {})
-    asked = cached_reference(case, "dynamics", Curves(x, {}, drive=(value, rate, acceleration)))
-    for k in range(2 * MAX_CACHED_REFERENCES):
-        own = value + 1e-6 * (k + 1), rate, acceleration
-        cached_reference(case, "dynamics", Curves(x, {}, drive=own))
-        again = Curves(x, {}, drive=(value, rate, acceleration))
-        assert cached_reference(case, "dynamics", again) is asked
-        assert len(measure.reference_cache) <= MAX_CACHED_REFERENCES
-
-
 def test_constant_channels_have_no_relative_error():
     case = load_case(shipped("peaucellier.toml"))
     x = run_samples(case, "sweep")
@@ -153,34 +111,11 @@ def test_a_reference_curve_that_is_constant_but_for_rounding_has_no_error(place,
     angles = [name for name, c in FOURBAR.channels.items() if c.si_unit == "rad"]
     assert len(angles) > 1
     rounded = exact | {angles[place]: 1.0 + 1e-15 * np.cos(run.x)}
-    monkeypatch.setattr(measure, "cached_reference", lambda *_: rounded)
+    monkeypatch.setattr(measure, "reference_at", lambda *_: rounded)
     curves = rounded | {angles[place]: np.full(run.x.size, 2.0)}
     found = relative_errors(FOURBAR, "dynamics", Curves(run.x, curves, drive=state))
     assert "position" in found
     assert max(found.values()) == 0.0
-
-
-def test_references_of_other_runs_samples_and_drive_motions_have_other_keys():
-    x = np.linspace(0.0, 1.0, 3)
-    motion = np.zeros((1, 3)), np.ones((1, 3)), np.zeros((1, 3))
-    moved = [tuple(part + (k == j) for j, part in enumerate(motion)) for k in range(3)]
-    keys = [
-        measure.reference_key(FOURBAR, kind, Curves(places, {}, drive=drive))
-        for kind in ("sweep", "dynamics")
-        for places in (x, 2 * x)
-        for drive in (None, motion, *moved)
-    ]
-    assert len(set(keys)) == len(keys) == 20
-
-
-def test_a_reference_is_written_for_the_numbers_of_segments_of_the_setting(monkeypatch, tmp_path):
-    """A reference that reads the model changes with them."""
-    asked = []
-    monkeypatch.setattr(measure, "call_isolated", lambda *args, **_: asked.append(args))
-    case = load_case(shipped("rod_released.toml"))
-    task = StudyRun(case, "dynamics", Setting("mujoco", {"segments": 7}))
-    measure.write_missing_reference(task, tmp_path / "a.npz")
-    assert [rod.segments for rod in asked[0][1].rod.values()] == [7]
 
 
 @pytest.mark.parametrize("step", [0.01, 0.0025])
@@ -356,7 +291,7 @@ def test_a_reference_that_is_not_finite_gives_no_errors(monkeypatch):
     exact = evaluate(PENDULUM, "dynamics", x, None).channels
     monkeypatch.setattr(measure, "call_engine", lambda *_: Curves(x, exact))
     monkeypatch.setattr(
-        measure, "cached_reference", lambda *_: exact | {"rate": np.where(x > 1, np.nan, x)}
+        measure, "reference_at", lambda *_: exact | {"rate": np.where(x > 1, np.nan, x)}
     )
     found = observe(StudyRun(PENDULUM, "dynamics", EULER), False, None)
     assert (found.outcome, found.errors) == ("no reference", {})
@@ -371,12 +306,12 @@ def test_a_reference_that_is_not_finite_at_the_prescribed_motion_gives_no_errors
     exact = evaluate(FOURBAR, "dynamics", run.x, late).channels
     name = next(n for n, c in FOURBAR.channels.items() if c.unit == "rad")
 
-    def reference(case: Case, kind: Kind, curves: Curves) -> dict[str, Array]:
+    def reference(case: Case, kind: Kind, curves: Curves, file: None) -> dict[str, Array]:
         is_late = np.array_equal(curves.drive[0], late[0])
         return exact if is_late else exact | {name: np.full(run.x.size, np.nan)}
 
     monkeypatch.setattr(measure, "call_engine", lambda *_: Curves(run.x, exact, drive=late))
-    monkeypatch.setattr(measure, "cached_reference", reference)
+    monkeypatch.setattr(measure, "reference_at", reference)
     found = observe(StudyRun(FOURBAR, "dynamics", EULER), False, None)
     assert (found.outcome, found.errors, found.asked) == ("no reference", {}, {})
     assert found.message == f"not finite: {name} at sample 0"
@@ -423,36 +358,6 @@ def test_runs_on_a_system_without_pinning_are_not_marked_as_pinned(monkeypatch):
     with reserve_processor() as none:
         assert none is None
     assert not measure_pendulum(0.01).pinned
-
-
-@pytest.mark.parametrize(
-    ("error", "outcome", "message"),
-    [
-        (TimedOut("no answer in 600 s"), "timed out", "its reference: no answer in 600 s"),
-        (InputError(Path("a"), "", "a stop is met"), "no reference", "a stop is met"),
-    ],
-)
-def test_a_failed_reference_is_tried_once_and_keeps_its_outcome(
-    error, outcome, message, monkeypatch, tmp_path
-):
-    """A reference that took too long gives the outcome "timed out", not "no reference".
-
-    So a later study tries it again.
-    """
-    asked = []
-
-    def fail(function, *args, **limits):
-        asked.append(function.__name__)
-        raise error
-
-    monkeypatch.setattr(measure, "call_isolated", fail)
-    monkeypatch.setattr(measure, "failed_references", {})
-    released = load_case(shipped("fourbar_released.toml"))
-    task = StudyRun(released, "dynamics", EULER, reference=tmp_path / "a.reference.npz")
-    for _ in range(2):
-        found = measure.measure_task(task, 30.0)
-        assert (found.outcome, found.message) == (outcome, message)
-    assert asked == ["write_reference"]
 
 
 @pytest.mark.parametrize(

@@ -16,19 +16,20 @@ from threading import Event, get_ident
 import pytest
 
 from proofmass.base.errors import InputError
+from proofmass.base.worker import TimedOut
 from proofmass.batch.pool import pool
 from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol.curves import Curves
-from proofmass.studies import measure
+from proofmass.studies import measure, references
 from proofmass.studies import study as runs
-from proofmass.studies.measure import Measurement, relative_errors
+from proofmass.studies.measure import Measurement, StudyRun, relative_errors
 from proofmass.studies.record import NAN, Setting, StudyRow, read_table
+from proofmass.studies.references import has_one_reference
 from proofmass.studies.store import Store
 from proofmass.studies.study import (
     Study,
-    has_shared_reference,
     make_row,
-    reference_file,
+    with_references,
 )
 from tests.shipped import shipped
 from tests.studies.study_tasks import own_locks, tasks  # noqa: F401, a fixture of all tests
@@ -89,6 +90,7 @@ def replace_runs(monkeypatch):
 
     def take(*seconds):
         left = iter(seconds)
+        monkeypatch.setattr(runs, "has_one_reference", lambda case, kind: False)
         for name in ("measure_task", "repeat_task"):
             monkeypatch.setattr(runs, name, name_function(name, left))
 
@@ -202,13 +204,53 @@ def test_the_reference_of_a_free_motion_is_not_timed_with_a_run(tmp_path, monkey
         ("observe", 9.0),
     ]
     (file,) = tmp_path.glob("*.reference.npz")
-    monkeypatch.setattr(measure, "reference_cache", {})
-    monkeypatch.setattr(measure, "reference_for", None)
+    monkeypatch.setattr(references, "reference_for", None)
     third = tasks()[2]
     assert Study(Store(tmp_path), ImmediateExecutor()).run([third], repeats=0)[0].outcome == "ran"
-    assert reference_file(replace(third, setting=Setting("pymunk", {})), Store(tmp_path)) == file
-    driven = replace(third, case=load_case(shipped("fourbar.toml")))
-    assert reference_file(driven, Store(tmp_path)) is None
+    (other,) = with_references([replace(third, setting=Setting("pymunk", {}))], Store(tmp_path))
+    assert other.reference == file
+
+
+def test_settings_share_a_file_of_the_reference_unless_the_segments_of_rods_differ(tmp_path):
+    """A reference that reads the model changes with the places of sensors on a rod."""
+    case = load_case(shipped("rod_released.toml"))
+    asked = [
+        StudyRun(case, "dynamics", Setting("mujoco", parameters))
+        for parameters in ({}, {"timestep": 1e-3}, {"segments": 7}, {"segments": 8})
+    ]
+    files = [task.reference for task in with_references(asked, Store(tmp_path))]
+    assert files[0] == files[1]
+    assert len(set(files)) == 3
+
+
+@pytest.mark.parametrize(
+    ("error", "outcome", "message"),
+    [
+        (TimedOut("no answer in 600 s"), "timed out", "its reference: no answer in 600 s"),
+        (InputError(Path("a"), "", "a stop is met"), "no reference", "a stop is met"),
+    ],
+)
+def test_a_failed_reference_is_tried_once_in_a_study_and_keeps_its_outcome(
+    error, outcome, message, monkeypatch, tmp_path
+):
+    """A reference that took too long gives the outcome "timed out", not "no reference".
+
+    So a later study tries it again.
+    """
+    asked = []
+
+    def fail(function, *args, **limits):
+        asked.append(function.__name__)
+        raise error
+
+    monkeypatch.setattr(measure, "call_isolated", fail)
+    study = Study(Store(tmp_path), ImmediateExecutor(), longest=9.0)
+    for task in TWO_TASKS:
+        (row,) = replace(study).run([task], repeats=1)
+        assert (row.outcome, row.message) == (outcome, message)
+    assert asked == ["write_reference"]
+    Study(Store(tmp_path), ImmediateExecutor(), longest=10.0).run(TWO_TASKS, repeats=0)
+    assert len(asked) == 1 + (outcome == "timed out")
 
 
 def test_failed_runs_keep_their_row_and_are_not_timed(tmp_path, monkeypatch):
@@ -421,4 +463,4 @@ def test_parallel_and_sequential_runs_have_the_same_results(tmp_path):
 )
 def test_settings_share_the_reference_of_a_free_motion_without_rods(name, kind, shared):
     """A setting may change the segments of rods, and with them the places of sensors."""
-    assert has_shared_reference(load_case(shipped(name)), kind) == shared
+    assert has_one_reference(load_case(shipped(name)), kind) == shared

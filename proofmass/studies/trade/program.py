@@ -30,9 +30,10 @@ from proofmass.sim.protocol.curves import Curves, drive_columns
 from proofmass.sim.protocol.programs import Imposed
 from proofmass.sim.protocol.run import Run
 from proofmass.studies.bounded import call_limited
-from proofmass.studies.measure import pin_process, relative_errors, reserve_processor
+from proofmass.studies.measure import StudyRun, pin_process, relative_errors, reserve_processor
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store, digest, digest_of_sources, package_versions, read_json
+from proofmass.studies.study import with_references
 
 
 def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
@@ -134,7 +135,10 @@ def run_stored_program(
     if file.is_file():
         return ProgramRun(**{"seconds": float("nan"), **read_json(file)})
     with reserve_processor() as core:
-        ran = call_limited(case, "dynamics", run_program, case, setting, text, timeout, core)
+        (task,) = with_references([StudyRun(case, "dynamics", setting)], store)
+        ran = call_limited(
+            case, "dynamics", run_program, case, setting, text, timeout, core, task.reference
+        )
     known = {key: value for key, value in asdict(ran).items() if value == value}
     if not ran.failure.startswith(TIMED_OUT_PREFIX):
         write_atomically(file, json.dumps(known))
@@ -145,16 +149,24 @@ TIMED_OUT_PREFIX = "no end after"  # begin of the failure of a program that took
 
 
 def run_program(
-    case: Case, setting: Setting, text: str, timeout: float, core: int | None = None
+    case: Case,
+    setting: Setting,
+    text: str,
+    timeout: float,
+    core: int | None = None,
+    reference: Path | None = None,
 ) -> ProgramRun:
-    """Run a program in a bare interpreter, and compare its curves with the reference."""
+    """Run a program in a bare interpreter, and compare its curves with the reference.
+
+    The reference at the prescribed motion is kept in the file `reference`.
+    """
     case, run = setting.apply_to(case, "dynamics")
     try:
         curves, seconds, steps = run_bare_program(text, run, timeout, core)
     except NoCurves as why:
         return ProgramRun(failure=str(why))
     at_prescribed_motion = replace(curves, drive=run.motion(run.x)) if run.drives else curves
-    errors = relative_errors(case, "dynamics", at_prescribed_motion)
+    errors = relative_errors(case, "dynamics", at_prescribed_motion, reference)
     driven = errors
     if run.drives:
         try:

@@ -20,6 +20,7 @@ from math import inf, isclose, isfinite
 from proofmass.base.clock import processor_time
 from proofmass.base.errors import InputError
 from proofmass.case.case import Case
+from proofmass.reference.evaluate import reference_for
 from proofmass.reference.samples import run_samples
 from proofmass.run.solve import describe_dynamics, prescribed_run
 from proofmass.sim.engines import engine_of
@@ -29,14 +30,13 @@ from proofmass.sim.protocol.settings import first_number
 from proofmass.sim.protocol.tuning import Recipe
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.bracket import Bracket
-from proofmass.studies.measure import StudyRun, cached_reference
+from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
+from proofmass.studies.references import has_one_reference
 from proofmass.studies.store import Store, task_key
 from proofmass.studies.study import (
     LONG_RUN_SECONDS,
     Study,
-    has_shared_reference,
-    reference_file,
 )
 from proofmass.studies.trade.series import (
     AIMED_ERROR_SHARE,
@@ -85,8 +85,8 @@ GIVEN_UP_RATIO = 3.0
 """Ratio of the processor time of a run to the largest counted one at which it is given up: a busy
 machine doubles the processor time of a run, whose caches others empty."""
 REFERENCE_TIME_FACTOR = 5.0
-"""Factor on the time of the reference that a run gets in addition: each worker evaluates the
-reference once, while others run."""
+"""Factor on the time of the reference that a run gets in addition: the first runs evaluate the
+reference at the prescribed motion, and each run that at its own, while others run."""
 
 
 @dataclass
@@ -313,7 +313,7 @@ def search(
     """
     found, limits = list(list_families(case, engine)), limits or Limits()
     longest = limits.longest
-    reference_time = REFERENCE_TIME_FACTOR * cached_reference_seconds(case, study.store)
+    reference_time = REFERENCE_TIME_FACTOR * stored_reference_seconds(case, study.store)
     study = replace(study, longest=GIVEN_UP_RATIO * longest + reference_time)
     while tasks := [
         task
@@ -332,7 +332,7 @@ def search(
             family.rows.append(row)
             failed = longest if row.outcome == Outcome.TIMED_OUT else 0.0
             limits.spent += row.cost if isfinite(row.cost) else failed
-        if has_shared_reference(case, "dynamics") and any(
+        if has_one_reference(case, "dynamics") and any(
             row.outcome == Outcome.NO_REFERENCE for row in rows
         ):
             break  # all settings have the same reference
@@ -385,10 +385,10 @@ def select_for_comparison(
     return min(default_rows, key=lambda row: row_error(row, error_kind))
 
 
-def cached_reference_seconds(case: Case, store: Store) -> float:
-    """`reference_seconds` of a case, measured once for a store; 0 if a file keeps the reference."""
+def stored_reference_seconds(case: Case, store: Store) -> float:
+    """`reference_seconds` of a case, measured once for a store; 0 if it is no part of a run."""
     task = StudyRun(case, "dynamics", Setting(case.run["dynamics"].engines[0]))
-    if reference_file(task, store):
+    if has_one_reference(case, "dynamics"):
         return 0.0
     return float(
         store.value(
@@ -403,7 +403,7 @@ def reference_seconds(case: Case) -> float:
     asked = prescribed_run(case, "dynamics")
     began = processor_time()
     with suppress(InputError):  # the runs will report the error
-        cached_reference(
+        reference_for(
             case,
             "dynamics",
             Curves(asked.x, {}, drive=asked.motion(asked.x) if asked.drives else None),
