@@ -52,7 +52,7 @@ COMMANDS = {  # arguments, and the largest number of files that is intended
         (
             "-c",
             "from proofmass.run.sidecar import load_case\n"
-            "from proofmass.reference.inputs import compiled_model\n"
+            "from proofmass.reference.case_model import compiled_model\n"
             "compiled_model(load_case('models/rods/rod_cantilever.toml'))",
         ),
         30,

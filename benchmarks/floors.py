@@ -20,7 +20,7 @@ from proofmass.base.wording import number
 from proofmass.case.case import Case
 from proofmass.commands.studies import load_cases
 from proofmass.commands.trade import has_series, measure_cases
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store

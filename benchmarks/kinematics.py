@@ -32,9 +32,9 @@ from proofmass.analytic.planar.kinematics import joint_rates
 from proofmass.analytic.planar.mechanism import read
 from proofmass.analytic.remember import use_memory
 from proofmass.case.case import Case
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import call_reference
 from proofmass.reference.find import load_reference
-from proofmass.reference.inputs import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, plan_run
 from proofmass.sim.protocol.run import Run

@@ -12,7 +12,7 @@ from dataclasses import replace
 import mujoco
 
 from benchmarks import ROOT, command
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, plan_run
 

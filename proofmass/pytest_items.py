@@ -5,13 +5,14 @@ An item fails where ``proofmass check`` would fail: it runs the same code with t
 """
 
 from collections.abc import Iterator
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from proofmass.base.errors import InputError
+from proofmass.base.read_once import read_once
 from proofmass.batch.check import (
     compare_and_share,
     diagnose_run,
@@ -28,7 +29,7 @@ from proofmass.verdict.outcome import FAILED_OUTCOMES, GOOD_OUTCOMES, OUTCOME_OF
 from proofmass.verdict.refinement import refinement_runs
 
 COMPARE_ONLY = partial(compare_and_share, detectable=False)
-load_once = cache(load_validated)
+load_once = read_once()(load_validated)
 """Load and validate a case once, before its first item runs."""
 
 

@@ -12,8 +12,8 @@ from proofmass import check
 from proofmass.base.errors import InputError
 from proofmass.base.recorded import read_table
 from proofmass.evidence.changed import model_source, with_changed_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.find import load_reference
-from proofmass.reference.inputs import compiled_model
 from proofmass.report import write_report
 from proofmass.report.page import slug
 from proofmass.run.sidecar import load_case

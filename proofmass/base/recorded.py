@@ -16,7 +16,6 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +24,11 @@ from pydantic import Field, field_validator, model_validator
 
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError, suggest_names
-from proofmass.base.files import content_key, read_bytes
+from proofmass.base.files import read_bytes
+from proofmass.base.read_once import read_once
 from proofmass.base.strict import Strict, StrictNumber, Switch
 from proofmass.base.units import same_quantity, si_unit
 
-FILES_IN_MEMORY = 16  # files that are kept in memory after they were read
 ROW_TOLERANCE = 1e-9  # of the median spacing of rows: a place no farther from a row is at the row
 WRAP_TOLERANCE = 0.1
 """Share of a turn by which a step across whole turns may differ from the steps beside it."""
@@ -276,12 +275,12 @@ def read_table(file: Path) -> RecordedTable:
         raise InputError(file, "", "no such recorded curve") from None
     except (OSError, ValueError) as error:  # such as a zero byte in its name
         raise InputError(file, "", f"cannot be read: {error}") from None
-    return read_table_once(file, content_key(file))
+    return parse_table(file)
 
 
-@lru_cache(FILES_IN_MEMORY)
-def read_table_once(file: Path, content: str) -> RecordedTable:
-    """Read a CSV file; `content` is its digest, by which the cache knows it."""
+@read_once()
+def parse_table(file: Path) -> RecordedTable:
+    """Do what `read_table` does, once for each content of a file."""
     text = decode_csv(read_bytes(file))
     mark = find_separator(text)
     try:

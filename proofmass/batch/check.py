@@ -12,6 +12,7 @@ from proofmass.base.display import ShownAsHtml
 from proofmass.base.errors import InputError, model_error
 from proofmass.base.files import readable
 from proofmass.base.grouping import group_by
+from proofmass.base.read_once import serve_model
 from proofmass.base.strict import Kind
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.batch.pool import ClusterError, pool, size_of
@@ -320,6 +321,7 @@ def run_and_compare(
     compare_curves: Callable[[Case, Kind, str, Curves], Comparisons],
 ) -> tuple[list[Comparison], Curves]:
     """Do what `run_solver` does, in this process; an unexpected exception becomes a crash."""
+    serve_model(case.model_path)
     try:
         curves = solve_here(case, kind, solver)
         found = compare_curves(case, kind, solver, curves)

@@ -13,14 +13,13 @@ become a piecewise polynomial p(t), whose derivatives and integral are exact:
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
-from proofmass.base.files import content_key
+from proofmass.base.read_once import read_once
 from proofmass.base.recorded import (
     MIN_ROWS,
     RecordedColumn,
@@ -37,7 +36,6 @@ from proofmass.case.drive import (
     table_times,
 )
 
-PROFILES_IN_MEMORY = 16  # profiles in memory
 MIN_SPLINE_ROWS = 4  # smallest number of rows of a spline; any table has at least two rows
 JUMP_STEEPNESS = 10.0  # times the neighbouring slopes: a steeper change from row to row is a jump
 RUN_IN_TIME = RunAxis("run", "s")
@@ -159,7 +157,7 @@ def make_sampled_profile(
     if profile.file is None:
         return profile_of_table(profile, start, unit)
     file = folder / profile.file
-    return profile_of_file(file, content_key(file), profile, start, (unit, *others), axis, origin)
+    return profile_of_file(file, profile, start, (unit, *others), axis, origin)
 
 
 def profile_of_table(profile: ProfileTable, start: float, unit: str) -> SampledProfile:
@@ -202,26 +200,25 @@ def profile_clock(file: Path, profile: ProfileTable) -> Recording:
     It raises as `make_sampled_profile` does.
     """
     assert not isinstance(profile.time, tuple)  # lists go without a file
-    return clock_of_file(file, content_key(file), profile.time)
+    return clock_of_file(file, profile.time)
 
 
-@lru_cache(PROFILES_IN_MEMORY)
-def clock_of_file(file: Path, content: str, column: RecordedColumn | None) -> Recording:
-    """The column of times of a file with the digest `content`; a cache."""
+@read_once()
+def clock_of_file(file: Path, column: RecordedColumn | None) -> Recording:
+    """The column of times of a file."""
     return Recording(read_table(file), column)
 
 
-@lru_cache(PROFILES_IN_MEMORY)
+@read_once()
 def profile_of_file(
     file: Path,
-    content: str,
     profile: ProfileTable,
     start: float,
     units: tuple[str, ...],
     axis: RunAxis,
     origin: float | None,
 ) -> SampledProfile:
-    """Do what `make_sampled_profile` does, for a file with the digest `content`; a cache."""
+    """Do what `make_sampled_profile` does, once for each content of a file."""
     table = read_table(file)
     kind, column = profile.given
     assert isinstance(column, RecordedColumn)

@@ -9,7 +9,6 @@ import math
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,10 +16,11 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
+from proofmass.base.read_once import read_once
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case, DriveTable, LoadTable, ProfileTable
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import evaluate
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.mobility import mobility
 from proofmass.reference.run_reference import shared_reference
 from proofmass.reference.samples import run_samples
@@ -157,14 +157,14 @@ def prescribed_motion(case: Case, kind: Kind) -> Curves:
     return Curves(run.x, {}, drive=run.motion(run.x) if moved else None)
 
 
-cached_source = lru_cache(8)(lambda content, *given: compile_source(*given))
-"""`compile_source` from memory, for a model with these digests of its files."""
+kept_source = read_once(model_key)(compile_source)
+"""`compile_source`, once for each content of the files of a model."""
 
 
 def model_source(case: Case) -> Source:
     """The compiled model of a case, with the MJCF file that it comes from."""
     try:
-        return cached_source(model_key(case.model_path), case.model_path, case.start, case.rods)
+        return kept_source(case.model_path, case.start, case.rods)
     except BadModel as error:
         raise InputError(case.model_path, "", str(error)) from None
 

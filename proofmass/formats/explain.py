@@ -15,8 +15,8 @@ from proofmass.evidence.coverage_search import Finding, is_decreased
 from proofmass.formats.terminal import (
     describe_own_numbers,
 )
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import properties
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.recorded_rows import describe_rows
 from proofmass.run.solve import with_computing_solvers
 from proofmass.sim.engines import format_solver

@@ -7,7 +7,7 @@ sidecar, and not because it lies in a folder that is searched.
 """
 
 import sys
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -20,6 +20,7 @@ from proofmass.base.entry_points import (
 )
 from proofmass.base.errors import suggest_names
 from proofmass.base.files import content_key
+from proofmass.base.read_once import read_once
 from proofmass.base.recorded import RecordingTable, read_table
 from proofmass.base.recording import Recorded
 from proofmass.base.units import si_unit
@@ -27,13 +28,6 @@ from proofmass.case.case import Case
 from proofmass.case.inputs import is_program
 
 REFERENCE_GROUP = "proofmass.references"
-REFERENCES_IN_MEMORY = 64
-"""Number of read curves, and of programs, in memory."""
-read_recorded_once = lru_cache(REFERENCES_IN_MEMORY)(
-    lambda file, content, settings: Recorded(
-        read_table(file), RecordingTable.model_validate_json(settings)
-    )
-)
 
 
 class NoReference(ValueError):
@@ -87,13 +81,19 @@ def load_reference(case: Case) -> type[Reference] | Recorded:
     if case.recorded:
         settings = case.recording.model_dump_json() if case.recording else "{}"
         try:
-            return read_recorded_once(file, content_key(file), settings)
+            return read_recorded(file, settings)
         except ValueError as error:
             raise case.error("recording", str(error)) from None
     try:
         return find_class(case.reference, case.file)
     except NoReference as error:
         raise case.error("reference", str(error)) from None
+
+
+@read_once()
+def read_recorded(file: Path, settings: str) -> Recorded:
+    """The rows of a recorded reference; `settings` is the table ``recording`` as JSON."""
+    return Recorded(read_table(file), RecordingTable.model_validate_json(settings))
 
 
 def reference_class(case: Case) -> type[Reference] | None:
@@ -147,13 +147,13 @@ def find_program(file: Path) -> type[Reference]:
     """
     if not file.is_file():
         raise NoReference(f"no such program {file.name}")
-    return run_program(file, content_key(file))
+    return run_program(file)
 
 
-@lru_cache(REFERENCES_IN_MEMORY)
-def run_program(file: Path, content: str) -> type[Reference]:
+@read_once()
+def run_program(file: Path) -> type[Reference]:
     """Do what `find_program` does, once for each content of a file."""
-    module = import_program(file, f"proofmass_program_{content}_{file.stem}")
+    module = import_program(file, f"proofmass_program_{content_key(file)}_{file.stem}")
     own = [
         one
         for one in vars(module).values()

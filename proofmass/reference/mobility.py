@@ -1,13 +1,13 @@
 """The degrees of freedom of a planar model, and whether its loops are over-constrained."""
 
 from contextlib import suppress
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from proofmass.base.errors import InputError
+from proofmass.base.read_once import read_once
 from proofmass.case.case import Case
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.find import reference_class
-from proofmass.reference.inputs import compiled_model
 
 if TYPE_CHECKING:
     from mujoco import MjModel
@@ -53,13 +53,9 @@ def leaves_dof(case: Case) -> bool:
     return False
 
 
-MOBILITIES_IN_MEMORY = 64
-"""Models whose result is kept in memory; `proofmass explain` compiles thousands."""
-
-
-@lru_cache(MOBILITIES_IN_MEMORY)
+@read_once(None)
 def model_dof(model: "MjModel", start: str) -> int:
-    """Degrees of freedom of a compiled model, which are computed once for all runs."""
+    """Degrees of freedom of a compiled model, computed once for all runs."""
     from proofmass.analytic.planar import read
     from proofmass.analytic.planar.kinematics import count_dof, nearest_pose
 

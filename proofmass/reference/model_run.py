@@ -1,7 +1,7 @@
 """What a reference that reads the model of a case gets: the model, its run, and its own motion."""
 
 import pickle
-from functools import lru_cache, partial
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +11,10 @@ import numpy as np
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.protocol import ModelRun
 from proofmass.base.arrays import Array
+from proofmass.base.read_once import read_once
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
-from proofmass.reference.inputs import compile_once, compiled_model
+from proofmass.reference.case_model import compile_once, compiled_model
 from proofmass.reference.profiles import control_profiles, control_values, drive_profiles
 from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.sim.contents import channel_names
@@ -46,7 +47,7 @@ def model_run(case: Case, kind: Kind, x: Array) -> ModelRun:
     )
 
 
-@lru_cache(8)
+@read_once(None)
 def smooth_terms(model: "MjModel", start: str = "start") -> "SmoothTerms":
     """MuJoCo's terms of the equations of motion of a model, for the spatial solver."""
     from proofmass.sim.smooth import SmoothTerms  # it loads that solver, which few cases need
@@ -78,14 +79,14 @@ def solve_closely_with_evidence(case: Case, x: Array) -> tuple[dict[str, Array],
     drives = tuple(Drive(drive.joint, profile) for drive, profile in led)
     loads = tuple(ChangingLoad(*one) for one in control_profiles(case, "dynamics").items())
     inputs = pickle.dumps((drives, loads))
-    return solve_closely_once(file, model_key(file), case.start, x.tobytes(), inputs)
+    return solve_closely_once(file, case.start, x.tobytes(), inputs)
 
 
-@lru_cache(8)
+@read_once(model_key)
 def solve_closely_once(
-    file: Path, content: tuple[str, ...], start: str, x: bytes, inputs: bytes
+    file: Path, start: str, x: bytes, inputs: bytes
 ) -> tuple[dict[str, Array], str]:
-    """Do what `solve_closely_with_evidence` does; a cache by times, drives and loads as bytes."""
+    """Do what `solve_closely_with_evidence` does, with times, drives and loads as bytes."""
     equations, times = engine_of(NATIVE_ENGINE).own_equations, np.frombuffer(x)
     drives, loads = pickle.loads(inputs)
     end = float(times[-1])
@@ -95,7 +96,7 @@ def solve_closely_once(
     rung = Rung(motion)
     if not rung.is_sure:
         raise NotCovered(f"its motion is not known until {times[-1]:.3g} s: {rung.words()}")
-    names = channel_names(compile_once(file, content, ()), start).values()
+    names = channel_names(compile_once(file, ()), start).values()
     run = Run("dynamics", times, tuple(chain(*names)), drives, start, loads=loads)
     try:
         return equations.solve_closely(file, run).channels, rung.words()

@@ -9,13 +9,14 @@ import numpy as np
 from proofmass.analytic.remember import Memory, use_memory
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
+from proofmass.base.files import content_key
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
 from proofmass.case.drive import DriveState
 from proofmass.reference.evaluate import ReferenceCurves, evaluate, properties
 from proofmass.reference.find import reference_class
-from proofmass.reference.inputs import reference_identity
 from proofmass.reference.profiles import drive_profiles
+from proofmass.sim.mjcf import model_key
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.run import Drive, Run
 
@@ -94,6 +95,13 @@ class RunReference:
             self.known[key, share] = self.evaluated(changed).channels
         before, after = self.unchanged, self.known[key, share]
         return [{name: after[name] - before[name] for name in after}] if before and after else []
+
+
+def reference_identity(case: Case) -> tuple[str | int, ...]:
+    """A key that differs for cases with different reference curves: their tables and files."""
+    asked = repr(case.model_copy(update={"settings": {}, "tolerance": ()}).model_dump())
+    files = [case.file.parent / case.reference] if case.recorded or case.program else []
+    return asked, *model_key(case.model_path), *map(content_key, [*case.profile_files, *files])
 
 
 def shared_reference(case: Case, run: Kind, curves: Curves) -> RunReference:

@@ -6,23 +6,22 @@ drives and loads follow, and the rows of a recorded reference, are placed on it.
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from proofmass.base.arrays import Array
+from proofmass.base.read_once import read_once
 from proofmass.base.recording import PlacedRows, Recorded, Recording, RunAxis, SteadyDrive
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case, ProfileTable
 from proofmass.case.profile import SampledProfile, make_sampled_profile, profile_clock
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.find import load_reference
-from proofmass.reference.inputs import compiled_model
 from proofmass.sim.contents import joints
 
-PLACED_IN_MEMORY = 64
-"""Number of recordings on the x of a run in memory."""
-place_once = lru_cache(PLACED_IN_MEMORY)(Recording.place)
+place_once = read_once(None)(Recording.place)
 
 
 def run_samples(case: Case, kind: Kind) -> Array:

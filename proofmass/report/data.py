@@ -20,8 +20,8 @@ from proofmass.base.strict import Kind
 from proofmass.base.units import si_unit
 from proofmass.batch.check import Result
 from proofmass.case.case import Case
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import ComparedCurves, evaluate, reference_for
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.profiles import DRIVE_PARTS, DRIVE_PREFIX, drive_profiles
 from proofmass.reference.samples import run_samples
 from proofmass.report.words import MOTION_UNITS

@@ -19,7 +19,7 @@ from matplotlib.textpath import TextToPath
 from proofmass.base.arrays import Array
 from proofmass.base.wording import number
 from proofmass.case.case import Case
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.report.data import PlottedRun, drive_units
 from proofmass.report.figures import draw_legend, thin_path
 from proofmass.report.style import FONT_FAMILY, INK, REFERENCE_STYLE, Look

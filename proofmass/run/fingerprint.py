@@ -13,8 +13,8 @@ from proofmass import analytic, reference, sim
 from proofmass.base.entry_points import foreign_distribution
 from proofmass.base.installation import digest_plugins, own_version
 from proofmass.case.case import Case
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.find import REFERENCE_GROUP
-from proofmass.reference.inputs import compiled_model
 from proofmass.sim.engines import ENGINE_GROUP, computes_curves, engine_of
 from proofmass.sim.mjcf import files_of_model
 from proofmass.sim.protocol.settings import FILE_MARK

@@ -25,6 +25,7 @@ from proofmass.base.strict import Kind, Strict
 from proofmass.base.units import FORCE_UNITS, MOTION_UNITS, POSITION_UNITS, si_unit
 from proofmass.case.case import Case, ProfileTable, RangeShare, Tolerance
 from proofmass.case.inputs import is_recorded
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import all_quantities
 from proofmass.reference.find import (
     NoReference,
@@ -33,7 +34,6 @@ from proofmass.reference.find import (
     load_reference,
     reference_class,
 )
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.mobility import leaves_dof
 from proofmass.reference.profiles import prescribed_quantities
 from proofmass.reference.samples import run_samples

@@ -14,7 +14,7 @@ from proofmass.base.worker import Crashed, call_isolated
 from proofmass.case.case import Case
 from proofmass.case.drive import check_driven
 from proofmass.case.profile import SampledProfile
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.profiles import drive_profiles, load_profiles
 from proofmass.reference.recorded_rows import check_reference_rows, describe_rows
 from proofmass.reference.samples import run_samples

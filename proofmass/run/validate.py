@@ -9,9 +9,9 @@ from mujoco import MjModel
 from proofmass.base.errors import suggest_names
 from proofmass.base.units import same_quantity
 from proofmass.case.case import Case
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.charts import check_charts
 from proofmass.reference.evaluate import reference_for
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.mobility import mobility
 from proofmass.reference.plot_data import check_views
 from proofmass.run.solve import plan_run, settings_of

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
-from functools import lru_cache
 
 import mujoco
 import numpy as np
 
 from proofmass.base.arrays import Array
+from proofmass.base.read_once import read_once
 from proofmass.sim.plane import PARALLEL_TOLERANCE, find_plane
 from proofmass.sim.protocol.curves import split_channel
 from proofmass.sim.protocol.failures import BadModel, Unsupported
@@ -19,7 +19,6 @@ INDEPENDENT_SHARE = 1e-4
 pose whose loops are closed to five digits makes redundant ones seem independent by less."""
 ZERO_FORCE_SHARE = 1e-12
 """Largest moment that counts as none, as a share of the weight at an arm of the model's extent."""
-CACHE_SIZE = 64  # number of models whose size and mass are cached
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 SENSOR_UNITS = {
     S.mjSENS_FRAMEPOS: "m",
@@ -297,7 +296,7 @@ def joint_sensor_unit(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> 
     return {"rad": "N m", "m": "N"}[unit] if force else JOINT_SENSOR_UNITS[kind].format(unit)
 
 
-@lru_cache(CACHE_SIZE)
+@read_once(None)
 def size(model: mujoco.MjModel, key: str) -> float:
     """Largest distance between joints, sites and centres of mass in the pose of a key [m]."""
     data = pose_of_key(model, key)
@@ -305,7 +304,7 @@ def size(model: mujoco.MjModel, key: str) -> float:
     return float(np.linalg.norm(points[:, None] - points, axis=-1).max()) if len(points) else 0.0
 
 
-@lru_cache(CACHE_SIZE)
+@read_once(None)
 def mass(model: mujoco.MjModel) -> float:
     """Mass of all bodies that can move [kg]."""
     return float(model.body_mass[model.body_weldid != 0].sum())

@@ -12,7 +12,6 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import lru_cache
 from pathlib import Path
 from threading import local
 from typing import Any
@@ -27,6 +26,7 @@ from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import LARGEST
 from proofmass.base.files import content_key, read_bytes
 from proofmass.base.lines import COMMENT
+from proofmass.base.read_once import read_once
 from proofmass.base.worker import BROKEN_ENGINES
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.protocol.run import Rod
@@ -63,7 +63,6 @@ ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 FILE_ATTRIBUTE = re.compile(rb"\bfile\w*\s*=\s*([\"'])([^\"'\0]+)\1")
 FOLDER_ATTRIBUTE = re.compile(rb"\b(?:asset|mesh|texture)dir\s*=\s*([\"'])([^\"'\0]+)\1")
 ATTACHED_FILE = re.compile(rb"<(?:model|include)\b[^>]*?\bfile\s*=\s*([\"'])([^\"'\0]+)\1")
-MODELS_IN_MEMORY = 64  # files of models whose names of other files are in memory
 MODEL_ENDINGS = (".xml", ".mjcf", ".urdf")
 """Endings of files that may name other files; meshes and pictures are not searched for names."""
 NAN = re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE)
@@ -212,15 +211,15 @@ def files_of_model(path: Path) -> list[Path]:
             continue
         found.append(file)
         if file.suffix in MODEL_ENDINGS:
-            places, names = named_in(file, content_key(file))
+            places, names = named_in(file)
             folders += [folder / place for folder in (file.parent, folders[0]) for place in places]
             waiting += [folder / name for folder in (file.parent, *folders) for name in names]
     return found
 
 
-@lru_cache(MODELS_IN_MEMORY)
-def named_in(file: Path, content: str) -> tuple[list[str], list[str]]:
-    """The folders and the files that a model with the digest `content` names."""
+@read_once()
+def named_in(file: Path) -> tuple[list[str], list[str]]:
+    """The folders and the files that a model names."""
     text = read_bytes(file)
     return tuple(  # type: ignore[return-value]
         [os.fsdecode(words[1]) for words in pattern.findall(text)]
@@ -229,7 +228,7 @@ def named_in(file: Path, content: str) -> tuple[list[str], list[str]]:
 
 
 def model_key(path: Path) -> tuple[str, ...]:
-    """The digests of a model's file and of the files that it names, by which caches know it."""
+    """The digests of the files of a model, see `files_of_model`, by which `read_once` knows it."""
     return tuple(map(content_key, files_of_model(path)))
 
 

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from proofmass.case.case import Case
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.sim.contents import has_dry_friction
 from proofmass.sim.protocol.curves import Curves
 

@@ -26,8 +26,8 @@ from proofmass.base.files import read_bytes, write_atomically
 from proofmass.base.recorded import RecordedColumn, decode_csv
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case, LoadTable
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import evaluate
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.profiles import drive_profiles
 from proofmass.reference.samples import run_samples
 from proofmass.sim.mjcf import read_tree

@@ -12,9 +12,9 @@ from proofmass.base.errors import InputError
 from proofmass.base.strict import Kind
 from proofmass.base.units import MOTION_UNITS, POSITION_UNITS, si_unit, unit_powers
 from proofmass.case.case import MAX_TOLERANCE_SHARE, Case, Tolerance
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import ComparedCurves, ReferenceCurves, evaluate
 from proofmass.reference.find import assembly_modes
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.profiles import drive_profiles
 from proofmass.reference.run_reference import RunReference
 from proofmass.sim.contents import joints, mass, sensors_of_drive, size

@@ -28,8 +28,8 @@ from proofmass.analytic.protocol import (
 )
 from proofmass.base.units import unit_powers
 from proofmass.case.case import Case
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.find import find_reference, reference_names
-from proofmass.reference.inputs import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import prescribed_run
 from proofmass.sim.contents import joints

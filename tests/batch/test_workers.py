@@ -11,11 +11,12 @@ import pytest
 
 from proofmass.analytic import planar
 from proofmass.base.errors import InputError
+from proofmass.base.read_once import KEPT_INPUTS, kept_input
 from proofmass.batch.check import Result, check
 from proofmass.commands.studies import load_cases
 from proofmass.pytest_items import SolverItem
 from proofmass.reference import evaluate
-from proofmass.reference.mobility import MOBILITIES_IN_MEMORY, model_dof
+from proofmass.reference.mobility import model_dof
 from proofmass.report import write_report
 from proofmass.run.sidecar import load_case
 from proofmass.studies import variants
@@ -151,6 +152,6 @@ def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, ed
 def test_only_the_last_compiled_models_are_kept_in_memory():
     """A search for detectable changes compiles thousands of models of 0.1 MB in one worker."""
     text = shipped("fourbar.xml").read_text(encoding="utf-8")
-    for _ in range(MOBILITIES_IN_MEMORY + 8):
+    for _ in range(KEPT_INPUTS + 8):
         assert model_dof(mujoco.MjModel.from_xml_string(text), "start") == 1
-    assert model_dof.cache_info().currsize == MOBILITIES_IN_MEMORY
+    assert kept_input.cache_info().currsize == KEPT_INPUTS

@@ -57,7 +57,7 @@ from proofmass.formats.explain import (
     reason_not_noticed,
 )
 from proofmass.formats.terminal import failure_lines
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve
 from proofmass.sim.elements import Number, Place

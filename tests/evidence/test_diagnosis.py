@@ -31,7 +31,7 @@ from proofmass.evidence.diagnosis import (
 )
 from proofmass.formats.sarif import as_sarif
 from proofmass.formats.terminal import as_json, failure_lines
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.sim.contents import highest_frequency
 from proofmass.sim.protocol.failures import Diverged
 from proofmass.sim.start import loop_opening

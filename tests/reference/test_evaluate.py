@@ -8,6 +8,7 @@ import pytest
 
 from proofmass.analytic.numerics import NotCovered
 from proofmass.case.case import Beside, Channel
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import (
     all_quantities,
     call_reference,
@@ -15,7 +16,6 @@ from proofmass.reference.evaluate import (
     properties,
     reference_channels,
 )
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.recorded_rows import recorded_column
 from tests.reference.stubs import (
     FIVEBAR,

@@ -9,13 +9,15 @@ import pytest
 
 from proofmass.analytic import balancer, rods
 from proofmass.analytic.remember import current_memory, kept_evaluations
+from proofmass.analytic.rods import rod_pair_driven
+from proofmass.analytic.rods.continuation import follow
 from proofmass.base.errors import InputError
 from proofmass.batch.check import Result
 from proofmass.reference.evaluate import evaluate, properties
-from proofmass.reference.inputs import reference_identity
 from proofmass.reference.plot_data import plot_data
 from proofmass.reference.run_reference import (
     RunReference,
+    reference_identity,
     shared_reference,
     shared_references,
 )
@@ -123,6 +125,32 @@ def test_searches_of_the_unchanged_reference_alone_are_stored(monkeypatch):
     crank = FOURBAR.parameters["crank"]
     assert [changed for _, changed in used] == [{}, {"crank": crank * (1.0 + 1e-6)}, {}]
     assert current_memory.get(None) is None
+
+
+def test_an_evaluation_before_a_comparison_costs_it_no_search(monkeypatch):
+    """Searches at changed parameters begin from those of the unchanged one, in either order."""
+    searches = []
+    monkeypatch.setattr(
+        rod_pair_driven,
+        "follow",
+        lambda *given, **more: searches.append(1) or follow(*given, **more),
+    )
+    plain = load_case(shipped("rfr2_circles.toml"))
+    counts = []
+    for k, evaluated_before in enumerate((False, True)):
+        stiffness = plain.parameters["stiffness"] * (1.0 + 1e-3 * (k + 1))  # searched by no other
+        case = plain.model_copy(update={"parameters": plain.parameters | {"stiffness": stiffness}})
+        run = plan_run(case, "sweep", "mujoco")
+        x = run.x[:4]
+        searches.clear()
+        if evaluated_before:
+            evaluate(case, "sweep", x, run.motion(x))
+        reference = RunReference(case, "sweep", Curves(x, {}, drive=run.motion(x)))
+        alone = len(searches)
+        for key in ("length", "distance", "stiffness"):
+            assert reference.differences(key, 1e-6)
+        counts.append((alone, len(searches)))
+    assert counts == [(1, 1), (1, 1)]
 
 
 def test_a_changed_parameter_is_evaluated_once(monkeypatch):

@@ -11,8 +11,8 @@ import pytest
 from proofmass.base.errors import InputError
 from proofmass.case.case import Case
 from proofmass.case.drive import check_driven
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import reference_for
-from proofmass.reference.inputs import compiled_model
 from proofmass.run.solve import call_engine, plan_run
 from proofmass.sim.engines import computes_curves
 from proofmass.sim.mujoco import engine as mujoco_engine

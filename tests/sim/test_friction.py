@@ -16,7 +16,7 @@ from proofmass.analytic.linkages import shaft_pendulum, slider_crank
 from proofmass.base.errors import InputError
 from proofmass.case.drive import Swing
 from proofmass.design.template import write_case
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, plan_run, solve_here
 from proofmass.sim.engines import engine_of

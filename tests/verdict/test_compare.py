@@ -17,8 +17,8 @@ from proofmass.batch.check import check, find_inputs
 from proofmass.case.case import Tolerance, View
 from proofmass.case.drive import Samples, Steady
 from proofmass.formats.terminal import worst_comparison
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import evaluate, reference_for
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.samples import run_samples
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run

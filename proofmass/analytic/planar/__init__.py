@@ -71,6 +71,7 @@ from proofmass.analytic.protocol import Ask, InputMotion, Reference
 from proofmass.analytic.stops import MotionWithStops, Stop, make_stops, refuse_limit
 from proofmass.analytic.support import refuse, refuse_contacts, run_kind
 from proofmass.base.arrays import Array, Complex, Index
+from proofmass.base.read_once import read_once
 
 __all__ = [
     "Branch",
@@ -476,7 +477,7 @@ def _integrate(
     return free_motion(mechanism, times, drives, stops, controls)
 
 
-_read_cached = lru_cache(maxsize=32)(read)
+_read_cached = read_once(None)(read)
 
 
 def quantities(

@@ -54,6 +54,7 @@ from proofmass.analytic.spatial.terms import (
 from proofmass.analytic.spatial.witness import TermComparison, compare_terms
 from proofmass.analytic.stops import MotionWithStops, Stop, refuse_limit, stops_of_joint
 from proofmass.base.arrays import Array
+from proofmass.base.read_once import read_once
 
 __all__ = ["properties", "solve"]
 
@@ -260,7 +261,7 @@ def tree_and_terms(model: Any, start: str, terms: TermSource | None) -> tuple[Tr
     return tree, _own_terms_cached(tree) if terms is None else terms
 
 
-_read_cached = lru_cache(maxsize=32)(read_tree)
+_read_cached = read_once(None)(read_tree)
 _own_terms_cached = lru_cache(maxsize=32)(OwnTerms)
 
 

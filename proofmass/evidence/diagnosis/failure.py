@@ -13,7 +13,7 @@ from proofmass.evidence.diagnosis.explanation import Diagnosis
 from proofmass.evidence.diagnosis.fit import MAX_RUN_STEPS, RUN_EXCEPTIONS, Residuals, run_steps
 from proofmass.evidence.diagnosis.model import describe_start
 from proofmass.evidence.diagnosis.settings import time_step_of, with_half_step
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.samples import run_samples
 from proofmass.run.solve import settings_of, solve_here
 from proofmass.sim.contents import highest_frequency

@@ -30,9 +30,9 @@ from proofmass.case.case import Case
 from proofmass.evidence.changed import model_source, numbers_of_case, with_changed_model
 from proofmass.evidence.diagnosis.explanation import Edits, Explanation, rank_key
 from proofmass.evidence.diagnosis.fault import Fault, model_fault, parameter_fault
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import evaluate
 from proofmass.reference.find import parameter_unit
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.run_reference import changeable_parameters
 from proofmass.run.solve import call_engine, plan_run, solve_here
 from proofmass.sim.engines import computes_curves

@@ -28,7 +28,7 @@ from proofmass.evidence.diagnosis.fit import (
     remaining_share,
     slopes_of,
 )
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.run_reference import changeable_parameters
 from proofmass.run.solve import solve_here
 from proofmass.sim.contents import size

@@ -38,7 +38,7 @@ from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case, Channel
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.studies import variants
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.invariants import conserves_energy, invariants

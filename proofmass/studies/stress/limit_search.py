@@ -20,7 +20,7 @@ from proofmass.base.strict import Kind
 from proofmass.base.wording import number
 from proofmass.base.worker import KILLED_BY_SIGNAL, call_isolated
 from proofmass.case.case import Case
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.mobility import mobility
 from proofmass.reference.samples import run_samples
 from proofmass.sim.engines import engine_of

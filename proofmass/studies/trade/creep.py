@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from proofmass.base.arrays import Array
 from proofmass.base.wording import number
 from proofmass.case.case import Case
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import evaluate
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.samples import run_samples
 from proofmass.sim.contents import size
 from proofmass.sim.engines import engine_of

@@ -23,7 +23,7 @@ from proofmass.base.errors import InputError
 from proofmass.base.strict import Kind
 from proofmass.base.wording import number
 from proofmass.case.case import Case
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.sim.contents import size
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.rods import chain, joint_names

@@ -26,7 +26,7 @@ from proofmass.base.grouping import group_by
 from proofmass.base.strict import Kind
 from proofmass.base.wording import number
 from proofmass.case.case import Case
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.run.solve import MAX_FORCE_EVALUATIONS
 from proofmass.sim.protocol.settings import first_number
 from proofmass.studies import DEFAULT_LONGEST_RUN

@@ -11,7 +11,7 @@ from itertools import takewhile
 
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.run.solve import describe_dynamics
 from proofmass.sim.engines import NoEngine, engine_of, format_solver
 from proofmass.sim.protocol.engine import Engine

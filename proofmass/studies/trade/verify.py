@@ -18,8 +18,8 @@ from proofmass.base.strict import Kind
 from proofmass.base.wording import number
 from proofmass.base.worker import TimedOut
 from proofmass.case.case import Case
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import evaluate
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.profiles import control_profiles
 from proofmass.run.solve import call_engine
 from proofmass.sim.engines import engine_of

@@ -13,8 +13,8 @@ from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar import LinkageAtRest, SingularHere
 from proofmass.analytic.planar.kinematics import Drives
 from proofmass.batch.check import check
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import evaluate
-from proofmass.reference.inputs import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.engine import simulate as in_mujoco

@@ -16,8 +16,8 @@ from proofmass.analytic.spatial.equilibrium import TreeAtRest
 from proofmass.analytic.spatial.kinematics import advance_pose
 from proofmass.analytic.spatial.mechanism import read_tree
 from proofmass.batch.check import check
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import evaluate, properties
-from proofmass.reference.inputs import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.engine import simulate as in_mujoco

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from proofmass.base.errors import InputError
-from proofmass.reference import model_run
+from proofmass.base.read_once import forget_inputs
 from proofmass.reference.evaluate import evaluate, properties
 from proofmass.reference.samples import run_samples
 from proofmass.reference.self_consistency import Rung
@@ -138,12 +138,12 @@ def test_the_page_states_until_when_a_motion_is_known():
 
 
 def test_a_motion_that_is_not_known_to_its_end_is_refused(monkeypatch):
-    model_run.solve_closely_once.cache_clear()
+    forget_inputs()
     monkeypatch.setattr(Rung, "is_sure", False)
     case = load_case(shipped("euler_top.toml")).model_copy(update={"reference": "refined"})
     with pytest.raises(InputError, match=r"motion is not known until 0.1 s: until 0.1 s, its end"):
         evaluate(case, "dynamics", np.linspace(0.0, 0.1, 3), None)
-    model_run.solve_closely_once.cache_clear()
+    forget_inputs()
 
 
 def test_a_sweep_and_rods_are_refused():

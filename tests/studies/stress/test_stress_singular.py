@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods.rod_snap import events
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.sim.engines import engine_of
 from proofmass.studies import variants
 from proofmass.studies.measure import Measurement, StudyRun

@@ -16,7 +16,7 @@ from proofmass.base.worker import TimedOut
 from proofmass.case.case import Case
 from proofmass.commands.choose import find_solver
 from proofmass.commands.cli import app
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.settings import configure

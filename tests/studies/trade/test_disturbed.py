@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from proofmass.case.case import Case
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.samples import run_samples
 from proofmass.run.sidecar import load_case
 from proofmass.studies.measure import StudyRun, simulate_task

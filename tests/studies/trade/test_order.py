@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from proofmass.reference.inputs import compiled_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.sim.contents import may_touch
 from proofmass.sim.pymunk.theory import is_damped

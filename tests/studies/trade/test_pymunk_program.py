@@ -20,8 +20,8 @@ from proofmass.base.arrays import Array
 from proofmass.base.units import FORCE_UNITS
 from proofmass.case.case import Case
 from proofmass.case.drive import Swing, motion_source
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import evaluate
-from proofmass.reference.inputs import compiled_model
 from proofmass.reference.profiles import drive_profiles
 from proofmass.reference.samples import run_samples
 from proofmass.run.sidecar import load_case

@@ -2,9 +2,9 @@
 
 import os
 
-from proofmass.reference import inputs
+from proofmass.reference import case_model
+from proofmass.reference.case_model import compiled_model
 from proofmass.reference.find import load_reference
-from proofmass.reference.inputs import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol.failures import BadModel, BadRod
 from tests.reference.stubs import (
@@ -45,7 +45,7 @@ def test_a_rod_that_cannot_be_built_is_an_error_of_the_sidecar(monkeypatch):
     def fail(*_):
         raise BadRod("beam", "from", "no site 'clmp'")
 
-    monkeypatch.setattr(inputs, "compile_once", fail)
+    monkeypatch.setattr(case_model, "compile_once", fail)
     assert error_of(compiled_model, ROD) == (ROD.file, "rod.beam.from", "no site 'clmp'")
 
 
@@ -53,5 +53,5 @@ def test_a_compilation_error_names_the_model_once(monkeypatch):
     def fail(*_):
         raise BadModel("fourbar.xml: XML Error: line 3")
 
-    monkeypatch.setattr(inputs, "compile_once", fail)
+    monkeypatch.setattr(case_model, "compile_once", fail)
     assert error_of(compiled_model, FOURBAR) == (FOURBAR.model_path, "", "XML Error: line 3")
