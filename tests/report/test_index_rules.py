@@ -65,6 +65,24 @@ def test_changes_are_counted_as_worse_better_and_other():
     assert row_of([angle(1e-9)], [Change("pendulum", "", "", "", "", "there")]).change == "new"
 
 
+def test_a_case_without_a_tolerance_comes_after_those_with_one():
+    names = "pendulum", "fourbar"
+    rows = [
+        comparison_of("pendulum", "dynamics", "mujoco", "angle", 1e-9, None, Outcome.UNCHECKED),
+        comparison_of("fourbar", "sweep", "mujoco", "pin.x", 1e-7),
+    ]
+    cases = [CASES[name].model_copy(update={"unchecked": name == "pendulum"}) for name in names]
+    page = index_text(Result(cases, rows, paths=(MODELS,)))
+    assert page.index('<tr data-name="fourbar"') < page.index('<tr data-name="pendulum"')
+
+
+def test_a_case_of_which_nothing_was_checked_has_the_sign_of_a_failure_unless_it_says_so():
+    shown = [angle(1e-9, allowed=None, outcome=Outcome.UNCHECKED)]
+    sign, word = worst_outcome("bad", shown, [])
+    assert (sign, word) == (worst_outcome("bad", [], ["a fault"])[0], "unchecked")
+    assert worst_outcome("open", shown, [])[0] != sign
+
+
 def test_a_refinement_is_in_no_column():
     row = row_of(
         [

@@ -11,6 +11,8 @@ from proofmass.batch.check import check
 from proofmass.run.sidecar import load_case
 from proofmass.sim.contents import has_dry_friction, may_touch
 from proofmass.sim.mujoco.settings import (
+    HARD_SOLIMP,
+    STAGES,
     MujocoSettings,
     configure,
     limited_joints,
@@ -23,6 +25,7 @@ from proofmass.sim.protocol.failures import BadSetting
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.settings import PymunkSettings, settings_of_run
+from proofmass.sim.recorded.engine import RecordedSettings
 from proofmass.studies.trade.varied import list_series
 
 WRONG_SETTINGS = {
@@ -147,6 +150,72 @@ def test_the_edges_of_the_ranges_of_settings(allowed, refused):
     MujocoSettings.read(allowed)
     with pytest.raises(BadSetting, match=next(iter(refused))):
         MujocoSettings.read(refused)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"stepsize": 1}, "unknown setting 'stepsize'; known: timestep, iterations, error_bias, "),
+        ({"timestep": "fast"}, "Input should be a valid number, not 'fast'"),
+        ({"timestep": {"a": 1}}, "Input should be a valid number"),
+    ],
+)
+def test_the_message_of_a_wrong_setting_begins_with_what_is_wrong(wrong, words):
+    with pytest.raises(BadSetting) as error:
+        PymunkSettings.read(wrong)
+    key, what = error.value.args
+    assert key == next(iter(wrong))
+    assert what.startswith(words)
+    assert "{" not in what
+
+
+def test_a_setting_that_a_file_has_to_state_is_missing():
+    with pytest.raises(BadSetting) as error:
+        RecordedSettings.read({})
+    assert error.value.args == ("file", "missing; it is required")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        ({"defaults": True}, True),
+        ({"defaults": True, "timestep": 1e-4}, True),
+        ({"defaults": True, "timestep": 1e-4, "iterations": 10}, True),
+        ({"defaults": True, "iterations": 11}, False),
+        ({"defaults": False}, False),
+        ({"timestep": 2e-3, "iterations": 10}, False),  # with proofmass's own error_bias
+    ],
+)
+def test_an_engine_is_at_its_defaults_whatever_its_step(parameters, expected):
+    assert PymunkSettings.is_default(parameters) is expected
+
+
+def test_the_hardest_solimp_is_the_largest_impedance_of_mujoco():
+    """MuJoCo cuts a larger one, so a loop with an impedance of 1 is as hard, and not harder."""
+    model = mujoco.MjModel.from_xml_string(LIMITED.replace('anchor="0 0 0"', 'anchor=".1 0 0"'))
+    hardest = []
+    for solimp in (HARD_SOLIMP, (1.0, 1.0, 0.001)):
+        configure(model, {"solimp": solimp})
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        assert data.ne
+        hardest.append(data.efc_KBIP[: data.ne, 2].tolist())
+    assert hardest[0] == hardest[1]
+    assert set(hardest[0]) == set(HARD_SOLIMP[:2])
+
+
+@pytest.mark.parametrize("name", mujoco.mjtIntegrator.__members__)
+def test_the_evaluations_of_a_step_are_those_that_mujoco_makes(name):
+    model = mujoco.MjModel.from_xml_string(LIMITED)
+    model.opt.integrator = mujoco.mjtIntegrator.__members__[name]
+    data, calls = mujoco.MjData(model), []
+    mujoco.mj_forward(model, data)
+    mujoco.set_mjcb_passive(lambda *_: calls.append(1))
+    try:
+        mujoco.mj_step(model, data)
+    finally:
+        mujoco.set_mjcb_passive(None)
+    assert len(calls) == STAGES.get(name.removeprefix("mjINT_"), 1)
 
 
 def test_settings_may_be_written_as_in_mjcf():
