@@ -267,6 +267,9 @@ def test_softness_applies_to_loops_and_to_limits_which_keep_their_damping_ratio(
     configure(model, {"solref": (-500.0, -5.0)})
     assert model.eq_solref.tolist() == [[-500.0, -5.0]] * 2
     assert model.jnt_solref[1].tolist() == [0.01, 0.2]
+    configure(model, {"solref": [0.03]})  # the first number alone
+    assert model.eq_solref.tolist() == [[0.03, -5.0]] * 2
+    assert model.jnt_solref[1].tolist() == [0.03, 0.2]
     model.jnt_solref[1] = 0.0
     assert limited_joints(model).tolist() == []
 
