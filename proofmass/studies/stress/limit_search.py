@@ -9,6 +9,7 @@ limit is not the engine's; see `proofmass.studies.stress.boundary.BoundaryKind`.
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache, partial
+from itertools import chain
 from math import floor, isclose, isnan, log10
 from pathlib import Path
 from typing import Any, cast
@@ -160,25 +161,26 @@ def bisect(
     >>> bisect(lambda x: None if x > 1e-3 else failed, 1.0, 1e-2)
     (0.01, nan, None)
     """
-    failure = test(start)
-    if failure:
+    tried = dict[float, Failure | None]()
+
+    def holds(value: float) -> bool:
+        tried[value] = test(value)
+        return tried[value] is None
+
+    if not holds(start) and (failure := tried[start]):
         return NAN, NAN, failure._replace(message=f"at {start:g} already: {failure.message}")
-    bracket = Bracket(start, NAN)
     strides = max(1, int(np.ceil(abs(np.log(reach / start)) / np.log(STRIDE_FACTOR) - 1e-9)))
-    for value in np.geomspace(start, reach, strides + 1)[1:].tolist():
-        failure = test(value)
-        bracket = bracket.narrowed(value, holds=failure is None)
-        if failure:
-            break
+    values = np.geomspace(start, reach, strides + 1)[1:].tolist()
+    bracket = Bracket.find_first(
+        chain([(start, True)], ((value, holds(value)) for value in values))
+    )
     # The end of the bisection is asked for anew in each step, since the first failure may be
     # proofmass's own and a later one, nearer to the value that holds, the engine's.
     while bracket.ratio > 1.0 + (  # not with NaN
-        max(coarse, within) if failure and failure.limit == BoundaryKind.OURS else within
+        within if is_engine_failure(tried.get(bracket.breaks)) else max(coarse, within)
     ):
-        found = test(bracket.middle)
-        bracket = bracket.narrowed(bracket.middle, holds=found is None)
-        failure = found or failure
-    return bracket.holds, bracket.breaks, failure
+        bracket = bracket.narrowed(bracket.middle, holds(bracket.middle))
+    return bracket.holds, bracket.breaks, tried.get(bracket.breaks)
 
 
 def find_first_and_last(

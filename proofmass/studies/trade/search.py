@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
-from math import inf, isclose, isfinite
+from math import inf, isclose, isfinite, isnan
 
 from proofmass.base.clock import processor_time
 from proofmass.base.errors import InputError
@@ -120,15 +120,18 @@ class SettingFamily:
         rows = sorted(self.rows, key=lambda row: -row.value)
         if len(rows) >= MAX_BAD_STEPS and all(row.outcome != Outcome.RAN for row in rows):
             return None
-        good = next((k for k, row in enumerate(rows) if row_error(row, error_kind) <= needed), None)
-        if good == 0:
+        if row_error(rows[0], error_kind) <= needed:
             return None
-        if good is None:
+        by_step = {row.value: row for row in rows}
+        steps = Bracket.find_first(
+            (step, row_error(row, error_kind) <= needed) for step, row in by_step.items()
+        )
+        if isnan(steps.holds):
             step = self.step_by_order(rows, error_kind, needed, limit)
         elif self.plain:
             return None
         else:
-            step = step_between(rows[good - 1], rows[good], error_kind, needed)
+            step = step_between(by_step[steps.breaks], by_step[steps.holds], error_kind, needed)
         if step is None:
             return None
         step = self.step(step)

@@ -20,6 +20,7 @@ from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, T
 from proofmass.studies.stress.limit_search import (
     LimitSearch,
     StressedCase,
+    bisect,
     find_first_and_last,
     round_to_printed,
 )
@@ -209,6 +210,21 @@ def test_a_single_boundary_is_that_of_the_bisection(edge, within):
     assert found.holds < edge <= found.breaks <= (1.0 + within) * found.holds
     assert not found.several
     assert found.format_measured() == found.describe(found.unit).removesuffix(" s")
+
+
+def test_a_bisection_tries_each_value_once():
+    """A trial of the length of a reference is slow, and its result is not stored."""
+    tried = []
+
+    def test(x: float) -> Failure | None:
+        tried.append(x)
+        return ENGINE_FAILURE if x >= 3.0 else None
+
+    holds, breaks, failure = bisect(test, 1.0, 100.0)
+    assert holds < 3.0 <= breaks
+    assert failure == ENGINE_FAILURE
+    assert len(tried) == len(set(tried)) > 5
+    assert max(tried) < 4.0 * 4.0  # no stride beyond the first one that fails
 
 
 def test_unknown_values_near_a_boundary_make_no_second_boundary():

@@ -235,6 +235,7 @@ def test_a_constant_large_error_ends_a_family(fourbar: Case, monkeypatch, tmp_pa
         ({1: 16e-3, 1 / 2: 4e-3, 1 / 4: 1e-3}, 1e-6, 0.05, None),  # the order is known to hold
         ({1: 8e-3, 1 / 2: 4e-3, 1 / 4: 1e-3}, 1e-6, 0.05, 1 / 16),  # 1, then 2
         ({1: 1e-4}, 1e-4, inf, None),  # the first step is good enough
+        ({1: 1e-4, 1 / 4: 1e-3}, 1e-4, inf, None),  # also if a shorter one is not
     ],
 )
 def test_the_next_step_follows_from_the_last_errors(errors, needed, limit, step) -> None:
