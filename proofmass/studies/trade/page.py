@@ -521,7 +521,7 @@ def list_advice(
                 advice[engine] = advise_setting(rows, own, able, kind, wanted, verdicts, spread)
             else:
                 advice[engine] = advise_best(rows, own, kind, wanted, verdicts)
-        order = sorted(advice, key=lambda name: cheapest[name].seconds if name in cheapest else inf)
+        order = sorted(advice, key=lambda name: cheapest[name].cost if name in cheapest else inf)
         first = [time_interval(cheapest[name], spread) for name in order[:2] if name in cheapest]
         found.append(
             AdvisedError(

@@ -40,6 +40,24 @@ def test_advice_has_a_snippet_or_a_reason_why_there_is_none() -> None:
     assert "falls would need a step of about" in falls.more[0]
 
 
+@pytest.mark.parametrize("first", ["mujoco", "pymunk"])
+def test_counted_times_decide_which_engine_is_first(first: str) -> None:
+    """Both engines have the same errors, and the measured times say the opposite."""
+    rows = [
+        replace(
+            row,
+            engine=engine,
+            series=engine,
+            work=row.seconds * (1.0 if engine == first else 3.0),
+            seconds=row.seconds * (3.0 if engine == first else 1.0),
+        )
+        for engine in ("mujoco", "pymunk")
+        for row in series_rows("near")
+    ]
+    asked = list_advice(rows, [], "position", 1.0)
+    assert {one.engines[0].tone for one in asked if one.engines[0].reached} == {first}
+
+
 def format_error(row: StudyRow, kind: str) -> str:
     """An error to two digits."""
     return f"{row.errors[kind]:.1e}".replace("e-0", "e-")
