@@ -20,7 +20,7 @@ from proofmass.studies.trade.trade import (
     Trade,
     describe_limits,
     kind_to_study,
-    least_cost,
+    least_seconds,
     trade,
     write_study,
 )
@@ -104,7 +104,7 @@ def print_table(study: Trade, kind: str) -> None:
     last = ""
     for (case, series), rows in groupby(study.rows, lambda row: (row.case, row.series)):
         own = list(rows)
-        costs = [three_digits(least_cost(own, kind, error)) for error in TABLE_ERRORS]
+        costs = [three_digits(least_seconds(own, kind, error)) for error in TABLE_ERRORS]
         best = min((row.errors[kind] for row in own if kind in row.errors), default=float("nan"))
         verdict = by_series.get((case, series), Verdict(case, "", "", series, kind))
         failed = next(

@@ -164,7 +164,7 @@ COLUMN_PREFIXES = {  # fields of `StudyRow` with a column for each key: prefixes
     "asked": "asked",
     "invariants": "invariant",
 }
-COLUMN_DESCRIPTIONS = {
+RUN_COLUMNS = {
     "study": "trade, choose, stress or diet",
     "case": "name of the sidecar",
     "run": "sweep, dynamics or equilibrium",
@@ -212,7 +212,7 @@ def write_table(rows: Iterable[StudyRow], file: Path) -> None:
         "run",
         {
             f"{name}.*" if name in COLUMN_PREFIXES.values() else name: what
-            for name, what in COLUMN_DESCRIPTIONS.items()
+            for name, what in RUN_COLUMNS.items()
         },
     )
     if rows and find_spec("pyarrow"):
@@ -273,7 +273,7 @@ def format_table(rows: Sequence[StudyRow]) -> str:
     cells = [row_cells(row) for row in rows]
     columns = dict.fromkeys(name for row in cells for name in row)
     ordered_columns = sorted(
-        columns, key=lambda name: list(COLUMN_DESCRIPTIONS).index(name.partition(".")[0])
+        columns, key=lambda name: list(RUN_COLUMNS).index(name.partition(".")[0])
     )
     return format_cells(cells, ordered_columns)
 

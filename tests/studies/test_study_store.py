@@ -14,8 +14,8 @@ from proofmass.run.sidecar import load_case
 from proofmass.studies import store as stores
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import (
-    COLUMN_DESCRIPTIONS,
     NAN,
+    RUN_COLUMNS,
     Setting,
     StudyRow,
     format_table,
@@ -261,7 +261,7 @@ def test_a_table_is_read_back_and_all_its_columns_are_described(tmp_path):
     described = (tmp_path / "trade.columns.md").read_text()
     for column in format_table(ROWS).splitlines()[0].split(","):
         assert f"| `{column.partition('.')[0]}" in described
-        assert column.partition(".")[0] in COLUMN_DESCRIPTIONS
+        assert column.partition(".")[0] in RUN_COLUMNS
 
 
 def test_records_and_tables_without_a_load_are_read(tmp_path):

@@ -1136,7 +1136,7 @@ def answering_in_turn(calls: list, *answers):
 class ModelWithProbe:
     """A stand-in for an edited model with a probe, which adds a rod to those of a run."""
 
-    probes: ClassVar = {"probe"}
+    added_sensors: ClassVar = {"probe"}
     monitored = ()
 
     def segmented(self, rods):
@@ -1576,7 +1576,7 @@ def test_a_scene_has_the_runs_of_the_sidecars_of_its_model(models, monkeypatch):
     asked = []
 
     def monitored_run(case, run, solver, edited):
-        asked.append((case.name, run.kind, solver, edited.file, edited.probes))
+        asked.append((case.name, run.kind, solver, edited.file, edited.added_sensors))
         return replace(monitored_run_of({"y": 1.0}, {"y": [0.0]}), name=case.name)
 
     monkeypatch.setattr(scene, "monitor_run", monitored_run)
@@ -1586,7 +1586,7 @@ def test_a_scene_has_the_runs_of_the_sidecars_of_its_model(models, monkeypatch):
         lambda file, edited, seconds: replace(
             monitored_run_of({"y": 1.0}, {"y": [0.0]}),
             run=Run("passive", np.zeros(1), (), start="key"),
-            name=f"{seconds} s of {file.name}, {sorted(edited.probes)}",
+            name=f"{seconds} s of {file.name}, {sorted(edited.added_sensors)}",
         ),
     )
     monkeypatch.setattr(
@@ -1629,7 +1629,7 @@ def test_a_scene_has_the_runs_of_the_sidecars_of_its_model(models, monkeypatch):
     assert (loose.read, loose.keys) == (None, {"key", "start"})
     lone = scene.load_scene(write_bob(models), 3.0)
     assert lone.keys == {"key"}
-    assert lone.monitored_runs[0].name.startswith("3.0 s of bob.xml, ['")  # the sensors are probes
+    assert lone.monitored_runs[0].name.startswith("3.0 s of bob.xml, ['")  # the sensors are added
     with pytest.raises(InputError, match="no such model"):
         scene.load_scene(models / "none.xml", 3.0)
 

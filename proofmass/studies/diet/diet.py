@@ -378,7 +378,7 @@ class DietSearch:
 
         There is one compiled model for each run; its changes are shares of what is allowed.
         """
-        optional = set() if edited.monitored else edited.probes
+        optional = set() if edited.monitored else edited.added_sensors
         return self.judged(
             models,
             edited,
@@ -391,7 +391,7 @@ class DietSearch:
         self, models: list[mujoco.MjModel], edited: EditedModel
     ) -> tuple[str, ChannelChanges, str]:
         """The same with errors instead of changes, in runs that have a reference."""
-        optional = set() if edited.monitored else edited.probes
+        optional = set() if edited.monitored else edited.added_sensors
         return self.judged(
             models,
             edited,

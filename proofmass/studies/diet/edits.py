@@ -99,7 +99,7 @@ class EditedModel:
         The number by which the numbers of segments of all rods are divided.
     given : set of (str, str)
         Elements that had no name: the list of the spec that each is in, and the name it was given.
-    probes : set of str
+    added_sensors : set of str
         Names of the sensors that were added.
     cuts : tuple of callable
         Functions that have changed the edited model so far.
@@ -120,11 +120,13 @@ class EditedModel:
         self.given = {
             (kind, name) for kind in NAMED_LISTS for name in name_unnamed(self.spec, kind)
         }
-        self.probes = set[str]()
+        self.added_sensors = set[str]()
         if monitored:
-            self.probes = set(add_monitored_sensors(self.spec, monitored)) if probing else set()
+            self.added_sensors = (
+                set(add_monitored_sensors(self.spec, monitored)) if probing else set()
+            )
         elif probing and not self.spec.sensors:
-            self.probes = set(add_joint_sensors(self.spec))
+            self.added_sensors = set(add_joint_sensors(self.spec))
         if not rods:
             self.spec.compile()  # so that MuJoCo removes the values of deleted joints from the keys
         self.cuts: tuple[Cut, ...] = ()
@@ -177,7 +179,10 @@ class EditedModel:
         if element := self.find(kind, name):
             word = SENSOR_OBJECT_TYPES.get(kind)
             for sensor in list(self.spec.sensors):
-                if sensor.name in self.probes and (sensor.objtype, sensor.objname) == (word, name):
+                if sensor.name in self.added_sensors and (sensor.objtype, sensor.objname) == (
+                    word,
+                    name,
+                ):
                     self.spec.delete(sensor)
             self.spec.delete(element)
 
@@ -271,9 +276,9 @@ def add_monitored_sensors(spec: mujoco.MjSpec, monitored: tuple[str, ...]) -> It
                 if element.type in (JointType.mjJNT_BALL, JointType.mjJNT_FREE):
                     read, name = ObjectType.mjOBJ_XBODY, element.parent.name
             for sensor in what:
-                probe = f"{word} {element.name} {sensor.name[7:].lower()}"
-                spec.add_sensor(name=probe, type=sensor, objtype=read, objname=name)
-                yield probe
+                added = f"{word} {element.name} {sensor.name[7:].lower()}"
+                spec.add_sensor(name=added, type=sensor, objtype=read, objname=name)
+                yield added
 
 
 GeomType = mujoco.mjtGeom
@@ -479,7 +484,7 @@ def model_text(edited: EditedModel, folder: Path, with_additions: bool = False) 
 def remove_additions(edited: EditedModel, spec: mujoco.MjSpec) -> None:
     """Remove the sensors and names that were added to a spec."""
     for sensor in list(spec.sensors):
-        if sensor.name in edited.probes:
+        if sensor.name in edited.added_sensors:
             spec.delete(sensor)
     for kind, name in edited.given:
         for element in getattr(spec, kind):

@@ -51,7 +51,7 @@ OUTCOME_LOOKS = {
     "matters": ("X", LABEL_COLOUR),
 }
 """Marker and filling by outcome."""
-CHART_SCRIPTS = ("axes.js", "rows.js", "savings.js")
+SAVINGS_SCRIPTS = ("axes.js", "rows.js", "savings.js")
 """Scripts of the chart."""
 CHANGE_TICKS = ((SMALLEST_CHANGE, "0"), (1.0, "allowed"), (LARGEST_CHANGE, "more"))
 """Ticks and their labels on the axis of changes over the allowed ones."""
@@ -72,7 +72,7 @@ def write_diet(folder: Path | str, output: Path | str, home: str = "") -> StudyP
     if not files:
         raise InputError(folder, "", "no MODEL.csv there; proofmass diet MODEL.xml writes it")
     models = (f.with_suffix(".xml") for f in files)
-    prepare_folder(output, (*files, *models, folder / "diet.columns.md"), CHART_SCRIPTS)
+    prepare_folder(output, (*files, *models, folder / "diet.columns.md"), SAVINGS_SCRIPTS)
     colours = page_tones([FIRST_LOOK.colour, LABEL_COLOUR])
     css = {colour: tone.css for colour, tone in colours.items()}
     entries = [read_entries(file) for file in files]
@@ -91,7 +91,7 @@ def write_diet(folder: Path | str, output: Path | str, home: str = "") -> StudyP
         for outcome in OUTCOME_LOOKS
         if any(row["outcome"] == outcome for row in data["rows"])
     ]
-    page = PageWriter(output, home, CHART_SCRIPTS).write(
+    page = PageWriter(output, home, SAVINGS_SCRIPTS).write(
         "index.html",
         "diet.html",
         data if data["rows"] else None,

@@ -291,7 +291,9 @@ def monitored_sensors(edited: EditedModel) -> set[str] | None:
     if not edited.monitored:
         return None
     return {
-        s.name for s in edited.spec.sensors if s.name in edited.monitored or s.name in edited.probes
+        s.name
+        for s in edited.spec.sensors
+        if s.name in edited.monitored or s.name in edited.added_sensors
     }
 
 
@@ -322,9 +324,9 @@ def describe_monitored(edited: EditedModel, monitored: MonitoredRun) -> Iterator
         f"{word} {e.name}"
         for kind, word in MONITORED_LISTS.items()
         for e in getattr(edited.spec, kind)
-        if e.name in edited.monitored and e.name not in edited.probes
+        if e.name in edited.monitored and e.name not in edited.added_sensors
     ]
-    sensors = [s.name for s in edited.spec.sensors if s.name not in edited.probes]
+    sensors = [s.name for s in edited.spec.sensors if s.name not in edited.added_sensors]
     if edited.monitored:
         yield f"Monitored: {format_list(named)}, and nothing else."
     elif sensors:
@@ -399,12 +401,12 @@ def compile_in_worker(file: Path) -> None:
         Compiling takes too long or too much memory.
     """
     try:
-        call_isolated(can_compile, file, timeout=COMPILE_TIMEOUT)
+        call_isolated(accepts_model, file, timeout=COMPILE_TIMEOUT)
     except tuple(OUTCOME_OF_EXCEPTION) as error:
         raise InputError(file, "", f"cannot be compiled: {error}") from None
 
 
-def can_compile(file: Path) -> bool:
+def accepts_model(file: Path) -> bool:
     """Whether MuJoCo compiles a model; the reason is reported where the model is read."""
     try:
         return compile_model(file) is not None

@@ -22,7 +22,7 @@ NO_GAIN = "no gain"
 """The outcome of an option that could be changed, and saves no measurable time."""
 WHOLE_KIND = "all of these"
 """The kind of the last entry: all harmless changes together."""
-COLUMN_DESCRIPTIONS = {
+DIET_COLUMNS = {
     "kind": "kind of the feature that was removed; option: an option that was changed; "
     f"{SENTENCE_KIND}: the message is a sentence on what is monitored; the last rows, "
     f"{WHOLE_KIND}: all harmless changes at once",
@@ -144,11 +144,9 @@ def write_entries(entries: Iterable[Entry], file: Path) -> None:
                 entry.message,
                 entry.edit,
             )
-            rows.append(dict(zip(COLUMN_DESCRIPTIONS, cells, strict=True)))
-    write_output(file, format_cells(rows, COLUMN_DESCRIPTIONS))
-    write_columns(
-        file.with_name("diet.columns.md"), "a diet", "channel of a feature", COLUMN_DESCRIPTIONS
-    )
+            rows.append(dict(zip(DIET_COLUMNS, cells, strict=True)))
+    write_output(file, format_cells(rows, DIET_COLUMNS))
+    write_columns(file.with_name("diet.columns.md"), "a diet", "channel of a feature", DIET_COLUMNS)
 
 
 def interval_cells(saved: TimeRange | tuple[()]) -> tuple[float | str, ...]:
@@ -164,7 +162,7 @@ def read_entries(file: Path) -> list[Entry]:
     InputError
         The file is not the table of a diet.
     """
-    rows = read_cells(file, COLUMN_DESCRIPTIONS, "a diet", "proofmass diet")
+    rows = read_cells(file, DIET_COLUMNS, "a diet", "proofmass diet")
     whose = itemgetter("kind", "feature", "outcome", "message")
     return [entry_of_rows(list(own)) for _, own in groupby(rows, whose)]
 

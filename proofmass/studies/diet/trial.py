@@ -138,7 +138,7 @@ def compare_costs(
     with pin_process(core):
         while round_number <= rounds or (counted < span and round_number <= MAX_TIMED_PAIRS):
             for k in random.sample((0, 1), 2):
-                seconds, curves, data = time_run(models[k], run)
+                seconds, curves, data = time_steps(models[k], run)
                 sizes[k] = int(mujoco.mj_sizeModel(models[k]) + data.nbuffer + data.maxuse_arena)
                 steps = curves.steps if k == 0 else steps
                 counted += curves.cost
@@ -151,7 +151,7 @@ def compare_costs(
     return CostComparison((one, two), saved_share([b / a for a, b in zip(*times, strict=True)]))
 
 
-def time_run(model: mujoco.MjModel, run: Run) -> tuple[float, Curves, mujoco.MjData]:
+def time_steps(model: mujoco.MjModel, run: Run) -> tuple[float, Curves, mujoco.MjData]:
     """Processor time of the steps of a run [s], curves, and end state.
 
     Their time is without that of their preparation, which takes as long as a hundred steps and does

@@ -15,12 +15,11 @@ import numpy as np
 from proofmass.base.files import write_output
 from proofmass.base.wording import number
 from proofmass.studies.bracket import Bracket
-from proofmass.studies.record import format_cells, read_cells, write_columns
+from proofmass.studies.record import NAN, format_cells, read_cells, write_columns
 
 PRINTED_DIGITS = 4
 """Significant digits of the values that are tried near a boundary, so that the printed value is
 exactly the one that was tried."""
-NAN = float("nan")
 
 
 class BoundaryKind(StrEnum):
@@ -249,7 +248,7 @@ class Boundary(VariedRange):
         return self.failure.removeprefix(f"{self.limit}: ")
 
 
-COLUMN_DESCRIPTIONS = {
+BOUNDARY_COLUMNS = {
     "what": "name of the sidecar, or description of a small model whose limit is known by theory",
     "engine": "name of the engine",
     "setting": "integrator, or description of another setting",
@@ -279,8 +278,8 @@ def write_boundaries(boundaries: Iterable[Boundary], file: Path) -> None:
     """Write a CSV file with a row for each boundary, and its columns to ``NAME.columns.md``."""
     rows = [{**asdict(one), "measured": one.measured, "ratio": one.ratio} for one in boundaries]
     cells = ({key: "" if value != value else value for key, value in row.items()} for row in rows)
-    write_output(file, format_cells(cells, COLUMN_DESCRIPTIONS))
-    write_columns(file.with_suffix(".columns.md"), file.name, "boundary", COLUMN_DESCRIPTIONS)
+    write_output(file, format_cells(cells, BOUNDARY_COLUMNS))
+    write_columns(file.with_suffix(".columns.md"), file.name, "boundary", BOUNDARY_COLUMNS)
 
 
 def read_boundaries(file: Path) -> list[Boundary]:
@@ -294,15 +293,15 @@ def read_boundaries(file: Path) -> list[Boundary]:
     kinds = get_type_hints(Boundary)
     names = [field.name for field in fields(Boundary)]
     return [
-        Boundary(**{name: parse_cell(cells[name], kinds[name]) for name in names})
+        Boundary(**{name: convert_cell(cells[name], kinds[name]) for name in names})
         for cells in read_cells(file, names, again="proofmass stress")
     ]
 
 
-def parse_cell(cell: str, kind: type) -> Any:
+def convert_cell(cell: str, kind: type) -> Any:
     """The value of a cell, of the type that its field has.
 
-    >>> parse_cell("", float), parse_cell("True", bool), parse_cell("2.0", float)
+    >>> convert_cell("", float), convert_cell("True", bool), convert_cell("2.0", float)
     (nan, True, 2.0)
     """
     if kind is bool:

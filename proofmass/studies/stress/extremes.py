@@ -43,7 +43,7 @@ from proofmass.studies import variants
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.invariants import conserves_energy, invariants
 from proofmass.studies.measure import Measurement, StudyRun, measure, simulate_task, step_taken
-from proofmass.studies.record import ParameterValue, Setting, format_kind
+from proofmass.studies.record import NAN, ParameterValue, Setting, format_kind
 from proofmass.studies.store import (
     KEY_FIELDS,
     bytes_of_case_model,
@@ -53,7 +53,6 @@ from proofmass.studies.store import (
 )
 from proofmass.studies.stress import theory
 from proofmass.studies.stress.boundary import (
-    NAN,
     BoundaryKind,
     Failure,
     TrialResult,
@@ -100,14 +99,14 @@ def search_energy_error(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase the number of steps of a free motion until the energy error exceeds a hundredth."""
     why = "energy: the motion is driven, loaded or damped, or the run has no time steps"
     require(stressed.kind == "dynamics" and not stressed.case.drive, why)
-    watched = with_energy_sensors(stressed.case, stressed.models)
-    require(call_bounded(watched, stressed.kind, conserves_energy, watched), why)
+    with_sensors = with_energy_sensors(stressed.case, stressed.models)
+    require(call_bounded(with_sensors, stressed.kind, conserves_energy, with_sensors), why)
     yield from stressed.search_schemes(
         ENERGY_PARAMETER,
         "1",
         stressed.seconds / stressed.step,
         MAX_SEARCH_STEPS,
-        partial(try_step_count, stressed, watched),
+        partial(try_step_count, stressed, with_sensors),
         [one for one in stressed.engine.theory.schemes if one.conserves],
     )
 

@@ -30,9 +30,8 @@ from proofmass.sim.protocol.engine import Engine
 from proofmass.sim.protocol.theory import Scheme
 from proofmass.studies.bracket import Bracket
 from proofmass.studies.measure import Measurement, StudyRun, measure, observe, simulate_task
-from proofmass.studies.record import ParameterValue, Setting, format_kind
+from proofmass.studies.record import NAN, ParameterValue, Setting, format_kind
 from proofmass.studies.stress.boundary import (
-    NAN,
     PRINTED_DIGITS,
     Boundary,
     BoundaryKind,

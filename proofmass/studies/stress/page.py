@@ -38,7 +38,7 @@ from proofmass.studies.stress.boundary import (
     read_boundaries,
 )
 
-CHART_SCRIPTS = ("axes.js", "rows.js", "limits.js")
+LIMITS_SCRIPTS = ("axes.js", "rows.js", "limits.js")
 """Scripts of the chart."""
 THEORY_SECTION = "Small models whose limits theory knows"
 
@@ -55,7 +55,7 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Stud
     if not file.is_file():
         raise InputError(file, "", "no such file; proofmass stress writes it")
     found = read_boundaries(file)
-    prepare_folder(output, (file, file.with_name("stress.columns.md")), CHART_SCRIPTS)
+    prepare_folder(output, (file, file.with_name("stress.columns.md")), LIMITS_SCRIPTS)
     engines = list(dict.fromkeys(one.engine for one in found))
     chosen = solver_looks(engines)
     kinds_found = list(dict.fromkeys(one.limit for one in found))
@@ -70,7 +70,7 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Stud
         (one["name"], one["stem"], by_parameter(some))
         for one, (_, some) in zip(parts, own, strict=True)
     ]
-    page = PageWriter(output, home, CHART_SCRIPTS).write(
+    page = PageWriter(output, home, LIMITS_SCRIPTS).write(
         "index.html",
         "stress.html",
         limits_data(charted, colours),

@@ -103,7 +103,7 @@ def fourbar_model(crank: float, coupler: float, rocker: float, ground: float, st
     )
 
 
-def run_model(engine: str, text: str, run: Run) -> Curves | Measurement:
+def run_problem(engine: str, text: str, run: Run) -> Curves | Measurement:
     """Run a model, given as MJCF text, in a process of its own; its outcome if the run fails."""
     with TemporaryDirectory() as folder:
         file = Path(folder) / "problem.xml"
@@ -133,7 +133,7 @@ def step_model(
     """
     x = step * STEPS_PER_SAMPLE * np.arange(steps // STEPS_PER_SAMPLE + 1.0)
     settings = {"timestep": step, **settings}
-    curves = run_model(engine, text, Run("dynamics", x, (channel,), settings=settings))
+    curves = run_problem(engine, text, Run("dynamics", x, (channel,), settings=settings))
     if isinstance(curves, Measurement):
         return failed_trial(curves)
     last = float(np.abs(curves.channels[channel])[-curves.x.size // 4 :].max())
@@ -311,7 +311,7 @@ def try_column_load(engine: str, segments: int, load: float) -> TrialResult:
     """Try a load [EI/L^2] on a slightly bent column; it fails if the column comes to rest bent."""
     rod = Rod("rod", "clamp", None, 1.0, 1.0, segments, ("clamped", "free"), turn=0.5)
     run = Run("equilibrium", np.linspace(0.0, 1.0, 3), ("rod.angle",), rods=(rod,))
-    curves = run_model(engine, column_model(load), run)
+    curves = run_problem(engine, column_model(load), run)
     if isinstance(curves, Measurement):
         # such as an unstable equilibrium
         unstable = curves.outcome in (Outcome.NO_START, Outcome.DIVERGED)
@@ -350,7 +350,7 @@ def try_crank_angle(engine: str, text: str, end: float) -> TrialResult:
     """Try a crank angle [rad]: sweep the crank from 0.5 rad to it."""
     profile = Steady(0.0, 1.0, x_is_time=False)
     run = Run("sweep", np.linspace(0.5, end, 40), ("place",), (Drive("crank", profile),))
-    curves = run_model(engine, text, run)
+    curves = run_problem(engine, text, run)
     if isinstance(curves, Measurement):
         return failed_trial(curves)
     stopped = curves.stopped
@@ -381,13 +381,13 @@ def search_long_runs() -> Iterator[LimitSearch]:
             "1",
             1e3,
             1e6,
-            partial(try_step_count, engine, scheme.settings, z),
+            partial(try_energy_loss, engine, scheme.settings, z),
             theory.steps_until_energy_share(scheme, z),
             "eigenvalues of the step's matrix",
         )
 
 
-def try_step_count(engine: str, settings: dict[str, Any], z: float, steps: float) -> TrialResult:
+def try_energy_loss(engine: str, settings: dict[str, Any], z: float, steps: float) -> TrialResult:
     """Try a number of steps; it fails if the oscillation has lost a tenth of its energy."""
     return try_periods(engine, settings, z, "energy", steps * z / (2 * np.pi))
 
@@ -406,7 +406,7 @@ def try_periods(
     run = Run(
         "dynamics", x, ("place", "kinetic", "potential"), settings={"timestep": z, **settings}
     )
-    curves = run_model(engine, wheel_model(1.0), run)
+    curves = run_problem(engine, wheel_model(1.0), run)
     if isinstance(curves, Measurement):
         return failed_trial(curves)
     found = curves.channels

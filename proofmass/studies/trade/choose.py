@@ -58,7 +58,7 @@ class Choice:
         Kind of error, and the largest that is good enough, as a share of the reference's range [1].
     check : Check
         The result of running the setting again.
-    beside : str
+    defaults : str
         A sentence on what the engine's defaults would cost for the same error.
     ratio : float
         Counted time of the defaults over that of the setting [1].  If no measured step of the
@@ -75,7 +75,7 @@ class Choice:
     of: str
     wanted: float
     check: Check
-    beside: str
+    defaults: str
     ratio: float
     refused: tuple[str, ...] = ()
     motion: str = ""
@@ -361,7 +361,7 @@ def describe_choice(choice: Choice, case: Case) -> list[str]:
         *filter(None, [format_rods(case, row.run)]),
         check.words,
         *check.describe_other_drives(choice.of, choice.wanted),
-        choice.beside,
+        choice.defaults,
         *choice.refused,
         *filter(None, [choice.motion]),
     ]

@@ -429,7 +429,7 @@ def describe_limits(longest: float) -> str:
     )
 
 
-def least_cost(rows: Iterable[StudyRow], kind: str, error: float) -> float:
+def least_seconds(rows: Iterable[StudyRow], kind: str, error: float) -> float:
     """Processor time of the cheapest row with an error of at most `error` [s]; NaN if there is
     none."""
     return min(

@@ -204,7 +204,9 @@ SENSORS = [
 ]
 
 
-def edited_model_of(monitored: tuple[str, ...] = (), probes: tuple[str, ...] = (), sensors=SENSORS):
+def edited_model_of(
+    monitored: tuple[str, ...] = (), added_sensors: tuple[str, ...] = (), sensors=SENSORS
+):
     """A stand-in for an edited model with four sensors, one of which the study may have added."""
     spec = SimpleNamespace(
         joints=[SimpleNamespace(name="crank")],
@@ -213,7 +215,7 @@ def edited_model_of(monitored: tuple[str, ...] = (), probes: tuple[str, ...] = (
         sites=[SimpleNamespace(name="tip")],
     )
     return SimpleNamespace(
-        monitored=monitored, probes=set(probes), spec=spec, compiled=lambda: "model"
+        monitored=monitored, added_sensors=set(added_sensors), spec=spec, compiled=lambda: "model"
     )
 
 
@@ -382,7 +384,7 @@ def test_compiling_in_a_worker_is_limited_to_two_minutes(tmp_path, monkeypatch):
         lambda function, *args, timeout: asked.append((function, args, timeout)),
     )
     scene.compile_in_worker(file)
-    assert asked == [(scene.can_compile, (file,), 120.0)]
+    assert asked == [(scene.accepts_model, (file,), 120.0)]
     monkeypatch.setattr(scene, "call_isolated", raising(TimedOut("no answer")))
     with pytest.raises(InputError) as error:
         scene.compile_in_worker(file)
@@ -391,6 +393,6 @@ def test_compiling_in_a_worker_is_limited_to_two_minutes(tmp_path, monkeypatch):
         "",
         "cannot be compiled: no answer",
     )
-    assert scene.can_compile(file)
+    assert scene.accepts_model(file)
     file.write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
-    assert not scene.can_compile(file)
+    assert not scene.accepts_model(file)

@@ -140,7 +140,7 @@ def test_runs_of_the_sidecars_are_monitored_with_all_channels(models, requested_
         list(case.channels_of(k)) for k in kinds
     ]
     assert requested_runs == [("fourbar", kind, "mujoco", found.edited) for kind in kinds]
-    assert (found.edited.monitored, found.edited.probes) == ((), set())
+    assert (found.edited.monitored, found.edited.added_sensors) == ((), set())
     assert found.read == {name.partition(".")[0] for name in case.channels}
     assert found.keys == {"start"}
     assert found.said == (

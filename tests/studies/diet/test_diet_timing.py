@@ -11,7 +11,7 @@ import pytest
 from proofmass.studies.diet import trial
 from proofmass.studies.diet.diet import TIMING_ROUNDS
 from proofmass.studies.diet.scene import load_scene
-from proofmass.studies.diet.trial import compare_costs, median_interval, saved_share, time_run
+from proofmass.studies.diet.trial import compare_costs, median_interval, saved_share, time_steps
 
 PENDULUM = """<mujoco><option timestep="0.001"/><worldbody><body><joint name="hinge" axis="0 1 0"/>
   <geom size=".1" pos="0.3 0 0" contype="0" conaffinity="0"/></body>{more}</worldbody>
@@ -94,7 +94,7 @@ def test_pairs_are_ordered_at_random_and_compared_by_their_ratios(monkeypatch):
         curves = type("Curves", (), {"steps": 10, "cost": 1e-3})
         return (1 + 0.1 * (len(asked) // 2)) * {"one": 2.0, "two": 1.0}[model], curves, data
 
-    monkeypatch.setattr(trial, "time_run", run)
+    monkeypatch.setattr(trial, "time_steps", run)
     monkeypatch.setattr(trial.mujoco, "mj_sizeModel", lambda model: 3)
     found = compare_costs(("one", "two"), None, 15, 0.0)  # type: ignore[arg-type]
     low, middle, high = found.saved
@@ -120,7 +120,7 @@ def compile_pendulum(folder: Path, more: str) -> tuple[mujoco.MjModel, object]:
 
 def test_a_run_has_a_plausible_time_and_its_number_of_steps(tmp_path):
     model, run = compile_pendulum(tmp_path, "")
-    seconds, curves, _ = time_run(model, run)
+    seconds, curves, _ = time_steps(model, run)
     assert 0 < seconds < 10
     assert curves.steps == 1000
     assert seconds == curves.seconds  # of the steps alone
@@ -136,7 +136,7 @@ def test_no_saving_and_a_known_saving_are_measured_on_this_machine(tmp_path):
     same = [compare_costs((lean, lean), run, TIMING_ROUNDS, 0.2).saved for _ in range(10)]
     assert sum(low <= 0 <= high for low, _, high in same) >= 9
     fat, _ = compile_pendulum(tmp_path, TWENTY_BODIES)
-    costs = [min(time_run(model, run)[0] for _ in range(5)) for model in (lean, fat)]
+    costs = [min(time_steps(model, run)[0] for _ in range(5)) for model in (lean, fat)]
     for _ in range(3):
         low, middle, _ = compare_costs((fat, lean), run, TIMING_ROUNDS, 0.2).saved
         assert low > 0

@@ -141,7 +141,7 @@ def test_the_choice_is_compared_with_the_defaults(fourbar: Case) -> None:
     assert found.row.series == "tuned"
     assert found.ratio == pytest.approx(5.0, rel=0.01)
     alone = choose_in_dynamics(fourbar, plain, 1e-4)
-    assert (alone.ratio, alone.beside) == (1.0, "these are the engine's defaults, refined")
+    assert (alone.ratio, alone.defaults) == (1.0, "these are the engine's defaults, refined")
 
 
 @pytest.mark.parametrize(("order", "scale"), [(1.0, 0.1), (2.0, 1600.0)])
@@ -174,14 +174,14 @@ def test_the_floor_of_another_series_is_no_floor_of_the_defaults(fourbar: Case) 
     found = choose_in_dynamics(
         fourbar, [*plain, *series_rows("tuned", cost=1e-6)], 1e-6, verdicts=others
     )
-    assert "never" not in found.beside
+    assert "never" not in found.defaults
     assert found.ratio > 1
     own = series_verdicts("plain", 1.0, level, "iterations")
     assert (
         "never get there"
         in choose_in_dynamics(
             fourbar, [*plain, *series_rows("tuned", cost=1e-6)], 1e-6, verdicts=own
-        ).beside
+        ).defaults
     )
 
 
@@ -206,7 +206,9 @@ def test_the_error_floor_or_the_needed_step_is_named(fourbar: Case) -> None:
     rows, verdicts = example_study()
     mine = [row for row in rows if row.engine == "mujoco"]
     found = choose_in_dynamics(fourbar, mine, 1e-4, verdicts=verdicts)
-    assert "defaults never get there: the error floor is 2e-4, softness of the loop" in found.beside
+    assert (
+        "defaults never get there: the error floor is 2e-4, softness of the loop" in found.defaults
+    )
     assert found.ratio == inf
     with pytest.raises(
         NoGoodSetting,

@@ -455,7 +455,7 @@ def test_failures_stay_in_the_table(tmp_path, monkeypatch):
     study = trade.trade([case], Study(Store(tmp_path)), repeats=1)
     assert [row.outcome for row in study.rows] == ["diverged", "ran"]
     assert "loops are open" in study.rows[0].message
-    assert trade.least_cost(study.rows, "position", 1e-4) == study.rows[1].seconds
+    assert trade.least_seconds(study.rows, "position", 1e-4) == study.rows[1].seconds
 
 
 def test_a_run_that_a_case_lacks_is_bad_input():
