@@ -11,7 +11,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from proofmass.analytic.spatial.terms import Terms
+from proofmass.analytic.term_source import Terms
 from proofmass.base.arrays import Array, Index
 from proofmass.sim.mjcf import leave_out_disabled
 

@@ -81,6 +81,20 @@ def test_a_check_loads_the_reference_in_its_workers_only(tmp_path: Path) -> None
     assert "proofmass.analytic.linkages.pendulum" not in loaded
 
 
+def test_a_run_of_a_closed_form_without_loops_loads_no_general_solver() -> None:
+    loaded = modules_loaded_by(
+        "from proofmass.run.sidecar import load_case\n"
+        "from proofmass.run.solve import solve_here\n"
+        "from proofmass.run.validate import validate_case\n"
+        f"case = load_case({str(MODELS / 'linkages/pendulum.toml')!r})\n"
+        "validate_case(case)\n"
+        "solve_here(case, 'dynamics', 'mujoco')\n"
+    )
+    assert "proofmass.sim.mujoco.dynamics" in loaded
+    folders = ("proofmass.analytic.spatial", "proofmass.analytic.planar", "proofmass.evidence")
+    assert not [name for name in loaded if name.startswith(folders)]
+
+
 def test_a_command_does_not_search_for_plugins_of_pydantic() -> None:
     loaded = modules_loaded_by(
         "import os, sys; os.environ.pop('PYDANTIC_DISABLE_PLUGINS', None)\n"

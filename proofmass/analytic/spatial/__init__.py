@@ -42,9 +42,7 @@ from proofmass.analytic.spatial.motion import (
 )
 from proofmass.analytic.spatial.reactions import PoseStates, Reactions
 from proofmass.analytic.spatial.terms import (
-    TERM_NAMES,
     OwnTerms,
-    TermSource,
     actuator_forces,
     actuators_on_joints,
     joint_spring_stretch,
@@ -53,6 +51,7 @@ from proofmass.analytic.spatial.terms import (
 )
 from proofmass.analytic.spatial.witness import TermComparison, compare_terms
 from proofmass.analytic.stops import MotionWithStops, Stop, refuse_limit, stops_of_joint
+from proofmass.analytic.term_source import TERM_NAMES, TermSource
 from proofmass.base.arrays import Array
 from proofmass.base.read_once import read_once
 

@@ -25,7 +25,6 @@ from proofmass.analytic.controls import (
 from proofmass.analytic.numerics import CannotAssemble, SingularHere
 from proofmass.analytic.spatial.kinematics import advance_pose, pose_difference, pose_rate
 from proofmass.analytic.spatial.mechanism import Tree
-from proofmass.analytic.spatial.terms import Terms, TermSource
 from proofmass.analytic.start import MAX_KEY_VIOLATION, start_pose, start_rates
 from proofmass.analytic.stops import (
     Balance,
@@ -36,6 +35,7 @@ from proofmass.analytic.stops import (
     integrate_with_stops,
     unit_rows,
 )
+from proofmass.analytic.term_source import Terms, TermSource
 from proofmass.base.arrays import Array, Index
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ v̇ = 0.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -38,65 +37,8 @@ from proofmass.analytic.spatial.mechanism import (
     quaternion_conjugate,
     quaternion_product,
 )
+from proofmass.analytic.term_source import Terms
 from proofmass.base.arrays import Array
-
-
-@dataclass(frozen=True)
-class Terms:
-    """The terms at one pose, or at n poses along a first axis.
-
-    Attributes
-    ----------
-    mass : ndarray (..., rates, rates)
-        Mass matrix M [SI].
-    bias, force : ndarray (..., rates)
-        Force h of inertia and gravity without accelerations, and force Q of springs, dampers and
-        actuators [N or N m].
-    gap : ndarray (..., rows)
-        Constraint violations φ of the equalities [m or rad].
-    jacobian : ndarray (..., rows, rates)
-        Jacobian J of the equalities [SI].
-    drift : ndarray (..., rows)
-        Right-hand side γ [m/s^2 or rad/s^2].
-    """
-
-    mass: Array
-    bias: Array
-    force: Array
-    gap: Array
-    jacobian: Array
-    drift: Array
-
-
-TERM_NAMES = {
-    "mass": "mass matrix",
-    "bias": "bias force",
-    "force": "force of springs, dampers and actuators",
-    "gap": "constraint violation of the equalities",
-    "jacobian": "Jacobian of the equalities",
-    "drift": "J-dot-v of the equalities",
-}
-"""Names of the terms, for messages."""
-
-
-class TermSource(Protocol):
-    """A source of the terms at one pose."""
-
-    @property
-    def name(self) -> str:
-        """Name of the program that computes the terms."""
-
-    def __hash__(self) -> int:
-        """Hash value, so that motions can be cached."""
-
-    def terms(self, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
-        """All terms at a pose (poses,) with rates (rates,) and controls, by default the key's."""
-
-    def equalities(self, q: Array) -> tuple[Array, Array]:
-        """Violations (rows,) and Jacobian (rows, rates) of equalities at a pose (poses,) [SI]."""
-
-    def acceleration(self, q: Array, v: Array, ctrl: Array | None = None) -> Array:
-        """Accelerations (rates,) of a tree without equalities [SI]."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from proofmass.analytic.spatial.mechanism import Tree
-from proofmass.analytic.spatial.terms import TERM_NAMES, Terms, TermSource, own_terms
+from proofmass.analytic.spatial.terms import (
+    own_terms,
+)
+from proofmass.analytic.term_source import TERM_NAMES, Terms, TermSource
 from proofmass.base.arrays import Array
 
 COMPARED_POSES = 50

@@ -28,7 +28,7 @@ from proofmass.base.clock import processor_time
 from proofmass.sim.contents import control_indices
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder, refuse_uncovered
+from proofmass.sim.mujoco.model import Recorder, failure_warning, refuse_uncovered
 from proofmass.sim.mujoco.sensors import (
     drive_moment_curves,
     drive_sensors,
@@ -36,7 +36,6 @@ from proofmass.sim.mujoco.sensors import (
     withhold_interactions,
 )
 from proofmass.sim.mujoco.settings import stepping_settings
-from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.mujoco.work import PYTHON_STEP, StepWork
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import Diverged

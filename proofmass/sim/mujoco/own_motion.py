@@ -37,7 +37,7 @@ from proofmass.sim.contents import control_indices
 from proofmass.sim.mjcf import collected_warnings, compile_model, warning_notes
 from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, initialize_dynamics, moments_of_drives
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder, load, translate_fatal_errors
+from proofmass.sim.mujoco.model import Recorder, failure_warning, load, translate_fatal_errors
 from proofmass.sim.mujoco.sensors import (
     drive_moment_curves,
     drive_sensors,
@@ -45,7 +45,6 @@ from proofmass.sim.mujoco.sensors import (
     withhold_interactions,
 )
 from proofmass.sim.mujoco.settings import mjcf_text
-from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import NotSolved

@@ -24,28 +24,13 @@ from proofmass.base.arrays import Array
 from proofmass.base.clock import processor_time
 from proofmass.sim.mujoco.equilibrium import LOOP_RANK_TOLERANCE, RestingLinkage
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder, refuse_uncovered
+from proofmass.sim.mujoco.model import Recorder, failure_warning, refuse_uncovered
 from proofmass.sim.mujoco.sensors import drive_moment_curves, withhold_interactions, withhold_stage
 from proofmass.sim.mujoco.settings import stepping_settings
 from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import Diverged, NotSolved
 from proofmass.sim.protocol.run import Run
-
-W = mujoco.mjtWarning
-FATAL_WARNINGS = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
-
-
-def failure_warning(data: mujoco.MjData) -> str:
-    """The first warning that makes a run invalid, such as of a reset state; empty if none."""
-    return next(
-        (
-            f"MuJoCo warning {warning.name[7:].lower()}"
-            for warning in FATAL_WARNINGS
-            if data.warning[warning].number
-        ),
-        "",
-    )
 
 
 def step_to_rest(

@@ -85,9 +85,8 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
 
 def find_channels(links: Links, run: Run) -> tuple[dict[str, Sensor], dict[str, str]]:
     """The channels of a run that pymunk delivers, and the reasons why others are missing."""
-    found = {
-        name: read_channel(links, name) for name in run.channels if name not in rod_channels(run)
-    }
+    of_rods = rod_channels(run) if run.rods else {}
+    found = {name: read_channel(links, name) for name in run.channels if name not in of_rods}
     if links.contacts:
         found |= {
             name: "pymunk does not separate forces of constraints and drives from those of contacts"

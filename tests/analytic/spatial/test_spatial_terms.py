@@ -14,8 +14,12 @@ from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.spatial import terms as own
 from proofmass.analytic.spatial.kinematics import advance_pose
 from proofmass.analytic.spatial.mechanism import Tree, read_tree
-from proofmass.analytic.spatial.terms import TERM_NAMES, OwnTerms, Terms, TermSource, own_terms
+from proofmass.analytic.spatial.terms import (
+    OwnTerms,
+    own_terms,
+)
 from proofmass.analytic.spatial.witness import TermsDiffer, compare_terms
+from proofmass.analytic.term_source import TERM_NAMES, Terms, TermSource
 from proofmass.base.errors import InputError
 from proofmass.reference.evaluate import properties
 from proofmass.run.solve import solve
