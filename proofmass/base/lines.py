@@ -11,7 +11,6 @@ from proofmass.base.files import read_text
 
 TABLE_PATTERN = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
 KEY_PATTERN = re.compile(r"^\s*((?:[\w-]+|\"[^\"]*\")(?:\s*\.\s*(?:[\w-]+|\"[^\"]*\"))*)\s*=")
-NUMBER_PATTERN = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 
 

@@ -19,11 +19,10 @@ from pydantic import Field, ValidationError
 from proofmass.analytic.numerics import LARGEST
 from proofmass.base.errors import InputError, suggest_names
 from proofmass.base.files import read_text
-from proofmass.base.recorded import RecordedColumn
 from proofmass.base.recording import Recorded
 from proofmass.base.strict import Kind, Strict
-from proofmass.base.units import FORCE_UNITS, MOTION_UNITS, POSITION_UNITS, si_unit
-from proofmass.case.case import Case, ProfileTable, RangeShare, Tolerance
+from proofmass.base.units import FORCE_UNITS, MOTION_UNITS, POSITION_UNITS, read_quantity, si_unit
+from proofmass.case.case import Case, RangeShare, Tolerance
 from proofmass.case.inputs import is_recorded
 from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import all_quantities
@@ -399,19 +398,6 @@ def write_line(value: Any) -> Any:
     return [write_line(one) for one in value] if isinstance(value, list | tuple) else value
 
 
-LOCATION_TYPES = (
-    "int",
-    "float",
-    "str",
-    "tuple",
-    "tuple[float, ...]",
-    "rows",
-    ProfileTable.__name__,
-    RecordedColumn.__name__,
-)
-"""Parts that pydantic adds to the location of an error, and that are no keys of the sidecar."""
-
-
 def load_case(file: Path | str) -> Case:
     """Read a sidecar.
 
@@ -434,18 +420,19 @@ def load_case(file: Path | str) -> Case:
         given = tomllib.loads(read_text(file))
         if own := FIELDS_WITHOUT_KEY & given.keys():
             raise InputError(file, min(own), "unknown key: no sidecar has it")
-        levels = Levels(accuracy=given.pop("accuracy", {})).accuracy
-        for place, wrong in find_extremes(given):
+        levels = Levels(accuracy=given.get("accuracy", {})).accuracy
+        table = {key: value for key, value in given.items() if key != "accuracy"}
+        table = convert_parameters(table, file)
+        for place, wrong in find_extremes(table):
             raise InputError(file, format_key(place, given), wrong)
-        table = {"model": file.stem + ".xml", **given}
+        table = {"model": file.stem + ".xml", **table}
         case = Case(**{**fill_defaults(table, file), "file": file})
         if not gives_samples(given):
             case = fit_default_samples(case)
         added = default_tolerances(case, levels)
     except ValidationError as error:
         first = error.errors()[0]
-        key = format_key([part for part in first["loc"] if part not in LOCATION_TYPES], given)
-        raise InputError(file, key, describe_invalid(first)) from None
+        raise InputError(file, key_of_error(first, given), describe_invalid(first)) from None
     except RecursionError:
         raise InputError(file, "", "its tables or arrays are nested too deeply") from None
     except (ValueError, OverflowError) as error:
@@ -455,6 +442,51 @@ def load_case(file: Path | str) -> Case:
     with suppress(InputError):  # the validation reports a reference that cannot be loaded
         shared = bool((reference := reference_class(case)) and reference.reads_model)
     return case.model_copy(update={"tolerance": (*case.tolerance, *added), "reads_model": shared})
+
+
+def convert_parameters(table: TomlTable, file: Path) -> TomlTable:
+    """The table of a sidecar with the quantities that are written with a unit as numbers in SI.
+
+    They are values of ``parameters``, also of those of ``compare_with`` and of charts, for
+    parameters of the reference that are quantities. Other texts stay as they are.
+
+    Raises
+    ------
+    InputError
+        A text is no number with a unit of the parameter's quantity.
+    """
+    name = table.get("reference")
+    if not isinstance(name, str) or is_recorded(name):
+        return table
+    try:
+        known = find_class(name, file).parameters
+    except NoReference:  # `load_reference` reports it
+        return table
+
+    def convert(part: Any, place: tuple[str | int, ...]) -> Any:
+        given = part.get("parameters") if isinstance(part, dict) else None
+        if not isinstance(given, dict):
+            return part
+        found = dict(given)
+        for key, text in given.items():
+            one = known.get(key)
+            if isinstance(text, str) and one and one.is_quantity:
+                try:
+                    found[key] = read_quantity(text, one.unit)
+                except ValueError as error:
+                    key = format_key((*place, "parameters", key), table)
+                    raise InputError(file, key, f"{one.name} is {error}") from None
+        return {**part, "parameters": found}
+
+    table = convert(table, ())
+    if isinstance(sets := table.get("compare_with"), dict):
+        sets = {key: convert(one, ("compare_with", key)) for key, one in sets.items()}
+        table = {**table, "compare_with": sets}
+    if isinstance(charts := table.get("chart"), list):
+        table = {**table, "chart": [convert(one, ("chart", k)) for k, one in enumerate(charts)]}
+    elif charts is not None:
+        table = {**table, "chart": convert(charts, ("chart",))}
+    return table
 
 
 LIMITS_OF_RUNS = "timeout", "memory"
@@ -547,6 +579,31 @@ def is_number(text: str) -> bool:
         float(text)
         return True
     return False
+
+
+def key_of_error(error: Mapping[str, Any], given: TomlTable) -> str:
+    """The key of a sidecar at which pydantic found an error.
+
+    Where a value may be of several types, the location of the error has the name of the type too.
+    A part of the location is a key if the sidecar has it there, or if it is missing there.
+
+    >>> given = {"drive": {"profile": {"file": "a.csv", "value": {"column": 3}}}}
+    >>> place = ("drive", 0, "profile", "ProfileTable", "value", "RecordedColumn", "column")
+    >>> key_of_error({"type": "string_type", "loc": place}, given)
+    'drive.profile.value.column'
+    """
+    place = list[str | int]()
+    here: Any = given
+    for part in error["loc"]:
+        if isinstance(part, int):
+            here = here[part] if isinstance(here, list) and part < len(here) else here
+        elif isinstance(here, dict) and part in here:
+            here = here[part]
+        else:
+            continue
+        place.append(part)
+    missing = error["loc"][-1:] if error["type"] == "missing" else ()
+    return format_key([*place, *missing], given)
 
 
 UNNUMBERED = "drive", "load", "view", "chart"

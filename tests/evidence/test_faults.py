@@ -133,6 +133,26 @@ def test_the_line_of_a_parameter_is_that_of_the_sidecar():
     assert (missing.line, missing.instead) == (None, "")
 
 
+@pytest.mark.parametrize(
+    ("text", "right", "within", "wrong_and_right", "instead"),
+    [
+        ("2525 mm", 2.5000000001, 1e-9, (2525.0, 2500.0), 'rocker = "2500 mm" # longest'),
+        ("252.5cm", 2.4375, 1e-9, (252.5, 243.75), 'rocker = "243.75 cm" # longest'),
+    ],
+)
+def test_a_parameter_with_a_unit_is_corrected_in_that_unit(
+    text, right, within, wrong_and_right, instead, models, edit
+):
+    file = edit("fourbar.toml", r"(?m)^rocker = 2.*", f'rocker = "{text}" # longest')
+    case = load_case(file)
+    fault = parameter_fault(case, "rocker", "m", case.parameters["rocker"], right, within)
+    lines = file.read_text(encoding="utf-8").splitlines()
+    assert lines[fault.line - 1] == f'rocker = "{text}" # longest'
+    assert (fault.wrong, fault.right) == wrong_and_right
+    assert fault.unit == text.lstrip("0123456789. ")
+    assert fault.instead == instead
+
+
 MODEL = """<mujoco>
   <!-- <body name="no"/> -->
   <compiler angle="degree"/>

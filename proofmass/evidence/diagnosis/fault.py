@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from proofmass.base.lines import LineIndex, WrittenValue, key_value
+from proofmass.base.units import si_unit, split_quantity
 from proofmass.base.wording import format_unit
 from proofmass.case.case import Case
 from proofmass.sim.elements import Number, Source, degrees_of, written_number
@@ -169,6 +170,8 @@ def sidecar_fault(
     text = json.dumps(right) if isinstance(right, str) else repr(right)
     if isinstance(right, float) and right == int(right) and written and "." not in written.literal:
         text = f"{int(right)}"
+    if written and unit and written.literal[:1] in ('"', "'"):  # a number with its unit
+        text = json.dumps(f"{text} {unit}", ensure_ascii=False)
     return Fault(
         case.file,
         written.line if written else None,
@@ -185,9 +188,18 @@ def sidecar_fault(
 def parameter_fault(
     case: Case, key: str, unit: str, wrong: float, right: float, within: float = 0.0
 ) -> Fault:
-    """The fault of a parameter of the reference in the sidecar; `right` is a fitted value."""
+    """The fault of a parameter of the reference in the sidecar; `right` is a fitted value.
+
+    Of a quantity that the sidecar writes with a unit all numbers are in that unit.
+    """
+    keys = ["parameters", key]
+    written = key_value(LineIndex(), case.file, keys)
+    if written and (parts := split_quantity(written.literal.strip("\"'"))) and parts[1]:
+        wrong, unit = parts
+        factor = si_unit(unit)[1]
+        right, within = right / factor, within / factor
     right = rounded_fit(right, max(within, FIT_ROUNDING_SHARE * abs(wrong)))
-    return sidecar_fault(case, ["parameters", key], key, wrong, right, unit, within)
+    return sidecar_fault(case, keys, key, wrong, right, unit, within)
 
 
 def model_fault(
