@@ -8,11 +8,11 @@ limit is not the engine's; see `proofmass.studies.stress.boundary.BoundaryKind`.
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
-from functools import cache, partial
+from functools import partial
 from itertools import chain
 from math import floor, isclose, isnan, log10
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -84,6 +84,26 @@ TryValue = Callable[[float], TrialResult]
 """Tries a value of the parameter."""
 
 
+T = TypeVar("T")
+
+
+class TriedValues(dict[float, T]):
+    """The results of values that were tried; a value is tried when it is first asked for.
+
+    >>> squares = TriedValues(lambda value: value**2)
+    >>> squares[3.0], squares.get(4.0), dict(squares)
+    (9.0, None, {3.0: 9.0})
+    """
+
+    def __init__(self, trial: Callable[[float], T]) -> None:
+        super().__init__()
+        self.trial = trial
+
+    def __missing__(self, value: float) -> T:
+        self[value] = self.trial(value)
+        return self[value]
+
+
 @dataclass(frozen=True)
 class LimitSearch(VariedRange):
     """The search for a limit: its range, how to try a value, and the theory; see `Boundary`."""
@@ -99,12 +119,10 @@ class LimitSearch(VariedRange):
         where proofmass itself gives up as well, if theory has a boundary: that may lie just before,
         for example if the engine runs beyond the values at which the reference exists.
         """
-        steps = dict[float, float]()
+        tried = TriedValues(self.trial)
 
-        @cache
         def test(value: float) -> Failure | None:
-            failure, steps[value] = self.trial(value)
-            return failure
+            return tried[value].failure
 
         expected = np.isfinite(self.theory) and self.theory > 0
         coarse = within if expected else UNKNOWN_BOUNDARY_TOLERANCE
@@ -121,7 +139,7 @@ class LimitSearch(VariedRange):
             holds=holds,
             breaks=breaks,
             again=again,
-            step=steps.get(holds, NAN),
+            step=tried.get(holds, TrialResult()).step,
             limit=limit,
             failure=message,
             silent=silent,
@@ -160,25 +178,20 @@ def bisect(
     >>> bisect(lambda x: None if x > 1e-3 else failed, 1.0, 1e-2)
     (0.01, nan, None)
     """
-    tried = dict[float, Failure | None]()
-
-    def holds(value: float) -> bool:
-        tried[value] = test(value)
-        return tried[value] is None
-
-    if not holds(start) and (failure := tried[start]):
+    tried = TriedValues(test)
+    if failure := tried[start]:
         return NAN, NAN, failure._replace(message=f"at {start:g} already: {failure.message}")
     strides = max(1, int(np.ceil(abs(np.log(reach / start)) / np.log(STRIDE_FACTOR) - 1e-9)))
     values = np.geomspace(start, reach, strides + 1)[1:].tolist()
     bracket = Bracket.find_first(
-        chain([(start, True)], ((value, holds(value)) for value in values))
+        chain([(start, True)], ((value, tried[value] is None) for value in values))
     )
     # The end of the bisection is asked for anew in each step, since the first failure may be
     # proofmass's own and a later one, nearer to the value that holds, the engine's.
     while bracket.ratio > 1.0 + (  # not with NaN
         within if is_engine_failure(tried.get(bracket.breaks)) else max(coarse, within)
     ):
-        bracket = bracket.narrowed(bracket.middle, holds(bracket.middle))
+        bracket = bracket.narrowed(bracket.middle, tried[bracket.middle] is None)
     return bracket.holds, bracket.breaks, tried.get(bracket.breaks)
 
 
