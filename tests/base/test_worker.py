@@ -158,6 +158,16 @@ def test_the_report_of_a_crash_has_no_warnings_and_is_short():
     assert str(crash.value) == f"killed by signal 6 (SIGABRT): {words[:240]}"
 
 
+def speak_bytes_and_exit(words: bytes) -> None:
+    os.write(2, words)
+    os._exit(1)
+
+
+def test_words_that_are_not_utf_8_are_reported_as_far_as_they_can_be_read():
+    with pytest.raises(Crashed, match=r"^exit code 1: Error in \ufffdlink$"):
+        call_isolated(speak_bytes_and_exit, b"Error in \xfclink", timeout=20)
+
+
 def test_an_exit_is_a_crash_with_the_code_of_the_exit():
     with pytest.raises(Crashed, match=r"^exit code 3$"):
         call_isolated(os._exit, 3, timeout=20)

@@ -1,5 +1,6 @@
 """Defaults of a sidecar: what is filled in, what is reported, and the text with all keys."""
 
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -357,6 +358,38 @@ def test_a_tolerance_of_its_own_replaces_those_of_its_run_and_engine_alone(tmp_p
 )
 def test_numbers_near_the_limits_of_floats_are_found(table, found):
     assert list(find_extremes(table)) == found
+
+
+def samples_of_pendulum(folder: Path, step: float, keys: str) -> int:
+    """The number of samples of a pendulum that is released for 1 s, with this step in its model."""
+    model = shipped("pendulum.xml").read_text(encoding="utf-8")
+    model = re.sub('timestep="[^"]*"', f'timestep="{step!r}"', model)
+    (folder / "pendulum.xml").write_text(model, encoding="utf-8")
+    sidecar = shipped("pendulum.toml").read_text(encoding="utf-8")
+    sidecar = re.sub(r"until = .*\nn = .*\n", f"until = 1.0\n{keys}\n", sidecar)
+    (folder / "pendulum.toml").write_text(sidecar, encoding="utf-8")
+    return load_case(folder / "pendulum.toml").run["dynamics"].n
+
+
+@pytest.mark.parametrize("step", [1e-3, 4e-3, 2.5e-3, 1 / 360])
+def test_samples_of_a_free_motion_are_whole_steps_apart(step, tmp_path):
+    """With 361 samples, the default, a step of 1 ms would be shortened to 0.926 ms."""
+    spacing = 1.0 / (samples_of_pendulum(tmp_path, step, "") - 1)
+    steps = round(spacing / step)
+    assert spacing == pytest.approx(steps * step, rel=1e-12)
+    assert 1 / 720 < spacing < 1 / 180
+
+
+def test_steps_that_do_not_divide_a_motion_are_hardly_shortened(tmp_path):
+    spacing = 1.0 / (samples_of_pendulum(tmp_path, 3e-3, "") - 1)
+    assert 0.99 < spacing / 3e-3 < 1.0
+    text = (tmp_path / "pendulum.toml").read_text(encoding="utf-8")
+    (tmp_path / "pendulum.toml").write_text(f"{text}\n[settings.mujoco]\ntimestep = 4e-3\n")
+    assert load_case(tmp_path / "pendulum.toml").run["dynamics"].n == 251  # its step, 1 / 250 s
+
+
+def test_a_number_of_samples_that_is_given_is_kept(tmp_path):
+    assert samples_of_pendulum(tmp_path, 1e-3, "n = 362") == 362
 
 
 FILE = Path("a.toml")  # of a sidecar that is not read
