@@ -79,7 +79,7 @@ def speak_and_abort(words: str) -> None:
 
 
 def test_a_call_has_as_much_memory_as_it_is_given():
-    with pytest.raises(OutOfMemory, match=r"needs more than 0\.5 GiB of memory"):
+    with pytest.raises(OutOfMemory, match=r"^needs more than 0\.5 GiB of memory$"):
         call_isolated(reserve_memory, 0.5, timeout=20, memory=0.5)
     assert call_isolated(reserve_memory, 0.5, timeout=20, memory=1.0) == 2**29
 
