@@ -408,14 +408,18 @@ COMPUTES = "import time\nwhile time.process_time() < 0.3: pass\nprint(flush=True
 def times_with_child() -> tuple[float, float, float, float]:
     """The processor time of this process without a child, with one, after it, and by `os` [s].
 
-    The child computes for 0.3 s.
+    The child computes for 0.3 s; another one sleeps.
     """
     alone = worker.processor_seconds(os.getpid())
     command = [sys.executable, "-I", "-S", "-c", COMPUTES]
-    with subprocess.Popen(command, stdout=subprocess.PIPE) as child:
+    with (
+        subprocess.Popen(command, stdout=subprocess.PIPE) as child,
+        subprocess.Popen(["sleep", "600"]) as idle,
+    ):
         child.stdout.readline()
         both = worker.processor_seconds(os.getpid())
         child.kill()
+        idle.kill()
     after = worker.processor_seconds(os.getpid())
     return alone, both, after, sum(os.times()[:4])
 
@@ -424,7 +428,7 @@ def times_with_child() -> tuple[float, float, float, float]:
 def test_the_processor_time_of_a_process_includes_that_of_its_children():
     """The system counts the time of a child as its parent's when the child has ended."""
     alone, both, after, stated = call_isolated(times_with_child, timeout=20)
-    assert both - alone > 0.25
+    assert 0.25 < both - alone < 0.9
     assert after == pytest.approx(stated, abs=0.1)
     assert after >= both - 0.05
     assert call_isolated(worker.processor_seconds, 2**22 + 1, timeout=20) is None  # no such process
@@ -502,9 +506,12 @@ def test_ctrl_c_ends_a_check_whose_runs_would_go_on(models, edit):
     assert process.wait(60.0) == 130
 
 
-def raise_signal(number: int) -> None:
-    """End this process by a signal, also if its caller ignores that signal."""
-    signal.signal(number, signal.SIG_DFL)
+def raise_signal(number: int, answer: signal.Handlers | None = None) -> None:
+    """Send a signal to this process, also if its caller ignores that signal.
+
+    Without an `answer`, Ctrl-C raises an exception, as in any process of Python.
+    """
+    signal.signal(number, signal.default_int_handler if answer is None else answer)
     signal.raise_signal(number)
 
 
@@ -513,7 +520,7 @@ def test_a_ctrl_c_that_reaches_the_worker_first_is_no_crash():
     with pytest.raises(KeyboardInterrupt):
         call_isolated(raise_signal, signal.SIGINT, timeout=20)
     with pytest.raises(Crashed, match=r"killed by signal 15 \(SIGTERM\)"):
-        call_isolated(raise_signal, signal.SIGTERM, timeout=20)
+        call_isolated(raise_signal, signal.SIGTERM, signal.SIG_DFL, timeout=20)
 
 
 def test_an_interrupt_leaves_no_watch_that_the_process_would_wait_for(monkeypatch):

@@ -250,6 +250,8 @@ def test_a_value_that_is_not_written_has_the_line_of_its_element(tmp_path):
     assert attribute_value(file, 1, "d", 0) == WrittenValue(2, '  <b pos="1 2"', "", 2)
     assert attribute_value(file, 2, "pos", 0) is None
     assert WrittenValue(2, "text", "", 2).instead("5") == ""
+    file.write_text('\n<a>\n  <b pos="1 2"/>\n</a>', encoding="utf-8")  # begins with an empty line
+    assert attribute_value(file, 1, "pos", 1) == WrittenValue(3, '  <b pos="1 2"/>', "2", 12)
 
 
 @pytest.mark.parametrize(

@@ -215,6 +215,25 @@ def test_a_moment_without_inertia_is_a_channel_of_sweeps_alone(tmp_path):
     assert "holding_moment" in dynamics.unmatched
 
 
+def test_sensors_get_the_columns_of_a_recorded_curve_with_their_names(tmp_path):
+    rows = "".join(f"{k / 10},{k / 20},{k}\n" for k in range(61))
+    (tmp_path / "rig.csv").write_text(f"crank [rad],rocker [rad],pin.x [mm]\n{rows}")
+    (tmp_path / "short.xml").write_bytes(shipped("fourbar.xml").read_bytes())
+    file = tmp_path / "short.toml"
+    head = SHORT_SIDECAR.format(more="", tables="").replace('"fourbar"', '"rig.csv"')
+    file.write_text(re.sub(r"(?s)\[parameters\].*\[drive\]", "[drive]", head))
+    found = load_case(file)
+    channels = {name: (one.equals, one.unit) for name, one in found.channels.items()}
+    assert channels == {"rocker": ("rocker", "rad"), "pin.x": ("pin.x", "m")}
+    assert {"coupler", "pin_velocity", "holding_moment"} <= set(found.unmatched)
+
+
+def test_a_wrong_word_is_answered_with_the_words_that_are_known(tmp_path):
+    words = error_of_short_case(tmp_path, tables='[channels]\n"pin.x" = { only = "dynamic" }')
+    known = "'sweep', 'dynamics' or 'equilibrium'"
+    assert words == f"short.toml: channels.pin.x.only: Input should be {known}"
+
+
 def test_a_sensor_without_a_quantity_is_reported(tmp_path):
     write_short_case(tmp_path)
     model = tmp_path / "short.xml"
