@@ -168,6 +168,18 @@ def test_words_that_are_not_utf_8_are_reported_as_far_as_they_can_be_read():
         call_isolated(speak_bytes_and_exit, b"Error in \xfclink", timeout=20)
 
 
+def speak_on_standard_output(words: str, ends: bool) -> str:
+    """Write as an engine in C does, past Python."""
+    os.write(1, words.encode())
+    return os._exit(1) if ends else words
+
+
+def test_what_an_engine_prints_is_no_part_of_an_answer_but_of_the_report_of_a_crash():
+    assert call_isolated(speak_on_standard_output, "mass is 0", False, timeout=20) == "mass is 0"
+    with pytest.raises(Crashed, match=r"^exit code 1: mass is 0$"):
+        call_isolated(speak_on_standard_output, "mass is 0", True, timeout=20)
+
+
 def test_an_exit_is_a_crash_with_the_code_of_the_exit():
     with pytest.raises(Crashed, match=r"^exit code 3$"):
         call_isolated(os._exit, 3, timeout=20)

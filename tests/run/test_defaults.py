@@ -228,6 +228,16 @@ def test_sensors_get_the_columns_of_a_recorded_curve_with_their_names(tmp_path):
     assert {"coupler", "pin_velocity", "holding_moment"} <= set(found.unmatched)
 
 
+def test_a_sensor_whose_unit_the_model_leaves_open_needs_one(tmp_path):
+    write_short_case(tmp_path)
+    model, file = tmp_path / "short.xml", tmp_path / "short.toml"
+    model.write_text(model.read_text().replace("<sensor>", '<sensor><user name="odd" dim="1"/>'))
+    file.write_text(file.read_text() + "[channels]\nodd = {}\n")
+    with pytest.raises(InputError) as error:
+        load_case(file)
+    assert str(error.value) == f"{file}: channels.odd.unit: missing; the model leaves it open"
+
+
 def test_a_wrong_word_is_answered_with_the_words_that_are_known(tmp_path):
     words = error_of_short_case(tmp_path, tables='[channels]\n"pin.x" = { only = "dynamic" }')
     known = "'sweep', 'dynamics' or 'equilibrium'"
