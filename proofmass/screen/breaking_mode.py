@@ -1,0 +1,138 @@
+"""What sets the largest stable step: a servo, a spring, a damper, or the softness of a loop."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from proofmass.base.arrays import Array
+from proofmass.screen.finding import Element
+from proofmass.screen.linear import LinearMotion
+from proofmass.screen.stable_step import Limit, StepMatrices
+
+CHANGE = 1e-6
+"""Step of the differences of actuator forces [rad or m, and per s]."""
+WEIGHT, DAMPING, SOFTNESS = "springs and weight", "damping of joints and tendons", "softness"
+
+
+@dataclass(frozen=True)
+class Share:
+    """The part of one cause in the mode that breaks.
+
+    Attributes
+    ----------
+    what : str
+        ``stiffness`` or ``damping`` of an actuator, or one of the names of this module.
+    actuator : Element or None
+        The actuator, if it is one.
+    size : float
+        (h omega / 2)^2 of a stiffness, h c / (2 m) of a damping in which the integrator is
+        explicit, over the mode's mass [1]; the whole of a mode at its limit is about 1.
+    """
+
+    what: str
+    actuator: Element | None
+    size: float
+
+    @property
+    def is_damping(self) -> bool:
+        """Whether the limit falls with a damping, and not with the root of a stiffness."""
+        return self.what in ("damping", DAMPING)
+
+    def __str__(self) -> str:
+        if self.actuator is not None:
+            return f"the {self.what} of {self.actuator}"
+        if self.what == SOFTNESS:
+            return "the softness of loops and joint limits (solref)"
+        return f"the {self.what}"
+
+
+@dataclass(frozen=True)
+class BreakingMode:
+    """The mode that breaks first beyond the largest stable step.
+
+    Attributes
+    ----------
+    joint : Element
+        The joint with the largest share of its kinetic energy.
+    coordinate : int
+        Its coordinate.
+    cause : Share
+        The largest of its causes.
+    mass : float
+        The mode's mass where the joint moves by one [kg or kg m^2].
+    """
+
+    joint: Element
+    coordinate: int
+    cause: Share
+    mass: float
+
+
+def find_breaking_mode(steps: StepMatrices, limit: Limit) -> BreakingMode:
+    """The joint and the cause of a limit with a mode."""
+    motion, pose = steps.motion, steps.motion.pose
+    assert limit.shape is not None
+    shape = limit.shape
+    k = int(np.argmax(np.abs(shape.conj() * (motion.masses @ shape))))
+    real = np.real(shape * np.exp(-1j * np.angle(shape[k])))
+    stiffness, _, weights = motion.softness(limit.step)
+    added = weights * (motion.soft_rows @ real) ** 2 if weights.size else np.zeros(0)
+    mass = float(real @ motion.masses @ real + added.sum())
+    shares = list(find_shares(steps, limit, real, float((added * stiffness).sum())))
+    cause = max(shares, key=lambda share: share.size)
+    return BreakingMode(
+        pose.joint_of(k), k, Share(cause.what, cause.actuator, cause.size / mass), mass / real[k] ** 2
+    )
+
+
+def find_shares(
+    steps: StepMatrices, limit: Limit, shape: Array, softness: float
+) -> Iterator[Share]:
+    """The causes of a mode at a limit, not yet divided by the mode's mass."""
+    motion, pose = steps.motion, steps.motion.pose
+    stiff, damped = actuator_parts(motion, shape)
+    half, quarter = limit.step / 2.0, limit.step**2 / 4.0
+    explicit = explicit_damping(steps, limit.integrator)
+    yield Share(WEIGHT, None, quarter * float(shape @ motion.stiffness @ shape - stiff.sum()))
+    yield Share(SOFTNESS, None, quarter * softness)
+    if explicit is not None:
+        yield Share(DAMPING, None, half * float(shape @ explicit @ shape - damped.sum()))
+    for a in range(pose.model.nu):
+        actuator = pose.element("actuator", a)
+        yield Share("stiffness", actuator, quarter * float(stiff[a]))
+        if explicit is not None:
+            yield Share("damping", actuator, half * float(damped[a]))
+
+
+def explicit_damping(steps: StepMatrices, integrator: str) -> Array | None:
+    """The damping (nv, nv) in which an integrator is explicit; None if there is none."""
+    if integrator == "Euler":
+        return steps.motion.damping - steps.implicit_dampings["Euler"]
+    return steps.motion.damping if integrator == "RK4" else None
+
+
+def actuator_parts(motion: LinearMotion, shape: Array) -> tuple[Array, Array]:
+    """The stiffness and the damping (actuators,) that actuators add to a mode of a real shape."""
+    pose = motion.pose
+    pose.enter(pose.qpos)
+    arms = moment_arms(pose.data)
+    still = np.array(pose.data.actuator_force)
+    pose.enter(pose.moved(CHANGE * shape))
+    moved = np.array(pose.data.actuator_force)
+    pose.enter(pose.qpos, CHANGE * shape)
+    moving = np.array(pose.data.actuator_force)
+    pose.enter(pose.qpos)
+    lever = -(arms @ shape) / CHANGE
+    return lever * (moved - still), lever * (moving - still)
+
+
+def moment_arms(data: mujoco.MjData) -> Array:
+    """The moment arms (actuators, nv) of the actuators [1 or m]."""
+    arms = np.zeros((data.model.nu, data.model.nv))
+    if arms.size:
+        mujoco.mju_sparse2dense(
+            arms, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+        )
+    return arms

@@ -1,0 +1,168 @@
+r"""Joints that dry friction should hold and that creep, since MuJoCo's friction is soft.
+
+MuJoCo's dry friction is a constraint with the reference acceleration -b v and the regularisation R:
+below its limit it gives the force f = -b v / R.  A joint under a load f that friction should hold
+therefore moves with
+
+    v = f R / b,
+
+which is (1 - d) f T dmax / (2 d I) for one joint of inertia I with the time constant T and the
+impedance d of its `solreffriction` and `solimpfriction` (docs/engines.md).  Joints that loops couple
+share their loads: with the motions N that exact loops allow, and S the rows of N at the joints with
+friction, v = S (S^T diag(b/R) S)^-1 N^T f.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from proofmass.base.arrays import Array, Index
+from proofmass.base.wording import number
+from proofmass.screen.finding import Element, Finding, FindingKind, Severity
+from proofmass.screen.linear import LinearMotion
+from proofmass.screen.pose import RANK_SHARE, named_element
+from proofmass.screen.short_run import drift
+from proofmass.screen.start_checks import joint_unit
+
+FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
+AT_STOP = 0.01
+"""Distance from a stop, as a share of the joint's range, at which the stop holds the joint."""
+LEAST_CREEP = 1e-6
+"""Least speed that is told [rad/s or m/s]."""
+SEEN_CREEP = 1e-3
+"""Speed from which a creeping joint is a fault [rad/s or m/s]: 3 degrees in a minute."""
+STIFF_IMPEDANCE = 0.9999
+"""The largest impedance that MuJoCo accepts [1] (mjMAXIMP)."""
+WORTHWHILE = 2.0
+"""How much slower a proposed impedance has to make a joint [1]."""
+CONFIRMED_SHARE = 0.5
+"""Share of the predicted motion that a run must show: a joint on its stop shows none of it."""
+
+
+@dataclass(frozen=True)
+class Creep:
+    """A joint that creeps though its friction would hold it.
+
+    Attributes
+    ----------
+    joint : Element
+    coordinate : int
+    speed : float
+        [rad/s or m/s]
+    load, friction : float
+        The load that friction has to hold, and its limit [N m or N].
+    """
+
+    joint: Element
+    coordinate: int
+    speed: float
+    load: float
+    friction: float
+
+
+def find_creep(model: mujoco.MjModel, data: mujoco.MjData, motion: LinearMotion) -> Iterator[Creep]:
+    """The joints that creep from the start state `data`, in which all constraints are known."""
+    rows = np.flatnonzero(np.array(data.efc_type[: data.nefc]) == FRICTION)
+    table = np.array(data.efc_KBIP[: 4 * data.nefc]).reshape(-1, 4)
+    viscosity = np.zeros(model.nv)
+    coordinates = np.array(data.efc_id[: data.nefc], dtype=np.intp)[rows]
+    viscosity[coordinates] = table[rows, 1] / np.array(data.efc_R[: data.nefc])[rows]
+    pose = motion.pose
+    pose.enter(pose.qpos)
+    forces = pose.forces
+    for group in coupled_groups(motion, coordinates):
+        rubbing = np.intersect1d(group, coordinates)
+        speeds = group_speeds(motion, group, rubbing, viscosity, forces)
+        if speeds is None or (np.abs(viscosity[rubbing] * speeds) > model.dof_frictionloss[rubbing]).any():
+            continue
+        for k, speed in zip(rubbing, speeds, strict=True):
+            if abs(speed) > LEAST_CREEP and not is_at_stop(model, pose.qpos, int(k), float(speed)):
+                yield Creep(
+                    pose.joint_of(int(k)),
+                    int(k),
+                    float(speed),
+                    float(viscosity[k] * speed),
+                    float(model.dof_frictionloss[k]),
+                )
+
+
+def group_speeds(
+    motion: LinearMotion, group: Index, rubbing: Index, viscosity: Array, forces: Array
+) -> Array | None:
+    """Speeds of the joints with friction of a group; None if friction leaves it free to move."""
+    rows = motion.rows[:, group]
+    motions = np.eye(len(group))
+    if rows.size:
+        _, values, right = np.linalg.svd(rows)
+        motions = right[int((values > RANK_SHARE * values.max(initial=1e-300)).sum()) :].T
+    at_friction = motions[np.searchsorted(group, rubbing)]
+    if not motions.size or np.linalg.matrix_rank(at_friction) < motions.shape[1]:
+        return None
+    resisted = at_friction.T @ (viscosity[rubbing][:, None] * at_friction)
+    return np.asarray(at_friction @ np.linalg.solve(resisted, motions.T @ forces[group]))
+
+
+def coupled_groups(motion: LinearMotion, coordinates: Index) -> Iterator[Index]:
+    """Sets of coordinates that inertia or loops couple, for those with friction."""
+    linked = (np.abs(motion.masses) > 0) | (np.abs(motion.rows.T) @ np.abs(motion.rows) > 0)
+    seen = np.zeros(len(linked), dtype=bool)
+    for k in coordinates:
+        if seen[k]:
+            continue
+        part = np.zeros(len(linked), dtype=bool)
+        grown = np.eye(len(linked), dtype=bool)[k]
+        while grown.sum() > part.sum():
+            part, grown = grown, linked[grown].any(axis=0) | grown
+        seen |= part
+        yield np.flatnonzero(part)
+
+
+def is_at_stop(model: mujoco.MjModel, qpos: Array, coordinate: int, speed: float) -> bool:
+    """Whether the stop towards which a joint would creep holds it."""
+    j = int(model.dof_jntid[coordinate])
+    if not model.jnt_limited[j]:
+        return False
+    stop = model.jnt_range[j][int(speed > 0.0)]
+    return bool(abs(qpos[model.jnt_qposadr[j]] - stop) < AT_STOP * np.ptp(model.jnt_range[j]))
+
+
+def judge_creep(
+    model: mujoco.MjModel, key: int, data: mujoco.MjData, motion: LinearMotion
+) -> Iterator[Finding]:
+    """The joints that creep, in theory and in a run."""
+    found = list(find_creep(model, data, motion))
+    if not found:
+        return
+    moved, seconds = drift(model, key)
+    for creep in found:
+        if moved[creep.coordinate] / (creep.speed * seconds) < CONFIRMED_SHARE:
+            continue
+        unit = joint_unit(model, int(model.dof_jntid[creep.coordinate]))
+        force = "N m" if unit == "rad" else "N"
+        yield Finding(
+            FindingKind.CREEP,
+            Severity.FAULT if abs(creep.speed) > SEEN_CREEP else Severity.NOTE,
+            f"{creep.joint} creeps with {number(abs(creep.speed))} {unit}/s, though its friction of "
+            f"{number(creep.friction)} {force} would hold its load of {number(abs(creep.load))} {force}: "
+            "MuJoCo's dry friction is soft",
+            propose_stiffer(model, creep),
+            named_element(model, "joint", int(model.dof_jntid[creep.coordinate])),
+            creep.speed,
+        )
+
+
+def propose_stiffer(model: mujoco.MjModel, creep: Creep) -> str:
+    """The impedance that makes a joint slower; empty if it has about that already.
+
+    The speed is proportional to (1 - d) / d of the impedance d.
+    """
+    low = float(model.dof_solimp[creep.coordinate][0])
+    slower = (1.0 - low) / low / ((1.0 - STIFF_IMPEDANCE) / STIFF_IMPEDANCE)
+    if slower < WORTHWHILE:
+        return ""
+    impedance = f"{STIFF_IMPEDANCE:g}"
+    return (
+        f'solimpfriction="{impedance} {impedance} 0.001" on it makes it {number(slower, 2)} times slower'
+    )

@@ -1,0 +1,85 @@
+"""One thing that a first screen finds in a model, with what to do about it."""
+
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+
+
+class Severity(IntEnum):
+    """How much a finding matters to whoever runs the model."""
+
+    NOTE = 1
+    """Worth knowing; the model may be meant so."""
+    WARNING = 2
+    """Probably not meant, or close to a limit."""
+    FAULT = 3
+    """The model does not do what it describes."""
+
+
+class FindingKind(StrEnum):
+    """What a finding is about; the names are those of `--fail-on`."""
+
+    NOT_FINITE = "not-finite"
+    STABLE_STEP = "stable-step"
+    OPEN_LOOP = "open-loop"
+    NO_MOBILITY = "no-mobility"
+    SINGULAR_START = "singular-start"
+    CHANGE_POINT = "change-point"
+    PIN = "pin"
+    FREE_ENDS = "free-ends"
+    SOFT_LOOP = "soft-loop"
+    CREEP = "creep"
+    STOP = "stop"
+    RANGE = "range"
+    CONTACT = "contact"
+    MASS = "mass"
+    INERTIA = "inertia"
+    GIMBAL = "gimbal"
+    ACTUATOR = "actuator"
+    SENSOR = "sensor"
+    UNSTABLE_REST = "unstable-rest"
+    NOTHING_MOVES = "nothing-moves"
+
+
+@dataclass(frozen=True)
+class Element:
+    """An element of a model, such as a joint or an actuator.
+
+    Attributes
+    ----------
+    kind, name : str
+        Its MJCF element, such as ``joint``, and its name; its number if it has no name.
+    """
+
+    kind: str
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name}"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is noticed.
+
+    Attributes
+    ----------
+    kind : FindingKind
+    severity : Severity
+    text, remedy : str
+        What was found, in a sentence without a full stop, with the number first that matters; and
+        what to do, empty if nothing is to be done.
+    element : Element or None
+        The element that it is about.
+    value : float or None
+        The number of the sentence [its unit].
+    """
+
+    kind: FindingKind
+    severity: Severity
+    text: str
+    remedy: str = ""
+    element: Element | None = None
+    value: float | None = None
+
+    def __str__(self) -> str:
+        return f"{self.text}; {self.remedy}" if self.remedy else self.text

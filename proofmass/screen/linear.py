@@ -1,0 +1,180 @@
+r"""The motion of a model about its start pose, linearised, with soft and with exact loops.
+
+About a pose at rest with accelerations a and multipliers l of the loops, small motions x obey
+
+    M x'' + C x' + K x = J^T dl,     J x'' = 0 for exact loops,
+
+with K = d/dq [M(q) a - f(q) - J(q)^T l] at fixed a and l, so that the stiffness that loads give to
+loops and weight is part of it, and C = -df/dv.  MuJoCo's loops are soft: with the rows J of
+equalities and of joint limits that carry load, their weights D = 1/R, stiffnesses k (times the
+impedance) and dampings b,
+
+    (M + J^T D J) x'' = -(K + J^T D k J) x - (C + J^T D b J) x'.
+
+`MuJoCo, Computation, Constraint model`_ defines R, k, b.  The derivatives are central differences;
+against ``mjd_transitionFD`` the matrix of a step differs by 1e-11 of its largest entry in trees.
+
+.. _MuJoCo, Computation, Constraint model: https://mujoco.readthedocs.io/en/stable/computation/
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from proofmass.base.arrays import Array
+from proofmass.screen.finding import Element
+from proofmass.screen.pose import RestPose
+
+POSE_STEP, VELOCITY_STEP = 1e-6, 1e-5
+"""Steps of central differences [rad or m, and per s]; half and twice as long change limits of steps
+by less than 1e-4 of themselves."""
+MULTIPLIER_SHARE = 1e-10
+"""Least singular value for the multipliers of loops, as a share of the largest."""
+LEAST_RATE = 1e-3
+"""Modes whose eigenvalue is smaller are free motions [1/s]."""
+LINEAR = mujoco.mjtConstraintState.mjCNSTRSTATE_QUADRATIC
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A mode of the linearised motion with exact loops.
+
+    Attributes
+    ----------
+    rate : complex
+        Its eigenvalue [1/s]; of a pair the one with the positive imaginary part.
+    joint : Element
+        The joint with the largest share of its kinetic energy.
+    """
+
+    rate: complex
+    joint: Element
+
+    @property
+    def frequency(self) -> float:
+        """[Hz]"""
+        return abs(self.rate) / (2.0 * np.pi)
+
+    @property
+    def damping(self) -> float:
+        """The damping ratio [1]: 1 for a mode that does not oscillate and decays."""
+        return -self.rate.real / abs(self.rate)
+
+    @property
+    def oscillates(self) -> bool:
+        """Whether it belongs to a pair of complex eigenvalues."""
+        return self.rate.imag > 0.0
+
+
+class LinearMotion:
+    """The linearised motion about a pose at rest.
+
+    Parameters
+    ----------
+    pose : RestPose
+        With closed loops.
+
+    Attributes
+    ----------
+    masses, stiffness, damping : ndarray (nv, nv)
+        M, K and C.
+    own_damping : ndarray (nv, nv)
+        The part of C that springs, dampers and actuators cause, without inertia.
+    rows, multipliers : ndarray (equations, nv), (equations,)
+        J and l of the loops.
+    soft_rows : ndarray (rows, nv)
+        The rows of loops and of joint limits that carry load.
+    accelerations : ndarray (nv,)
+        Of the start.
+    """
+
+    def __init__(self, pose: RestPose) -> None:
+        self.pose = pose
+        pose.enter(pose.qpos)
+        self.masses, self.rows = pose.masses, pose.constraints.rows
+        self.accelerations, self.multipliers = self.solve_start()
+        self.stiffness = self.differentiate_pose()
+        self.damping, self.own_damping = self.differentiate_velocity()
+        pose.enter(pose.qpos)
+        mujoco.mj_forward(pose.model, pose.data)  # which rows carry load
+        loops, states = pose.data.ne, pose.data.efc_state[: pose.data.nefc]
+        self.carrying = (np.arange(pose.data.nefc) < loops) | (states == LINEAR)
+        self.soft_rows = pose.all_rows[self.carrying]
+
+    def solve_start(self) -> tuple[Array, Array]:
+        """Accelerations, and the least multipliers of the loops, of the start."""
+        free = np.linalg.solve(self.masses, self.pose.forces)
+        answers = np.linalg.solve(self.masses, self.rows.T)
+        inverse = np.linalg.pinv(self.rows @ answers, rcond=MULTIPLIER_SHARE, hermitian=True)
+        multipliers = -inverse @ (self.rows @ free)
+        return free + answers @ multipliers, multipliers
+
+    def differentiate_pose(self) -> Array:
+        """The stiffness K (nv, nv)."""
+        changes = POSE_STEP * np.eye(self.pose.model.nv)
+        columns = [self.residual(dq) - self.residual(-dq) for dq in changes]
+        return np.transpose(columns).reshape(2 * changes.shape[:1]) / (2.0 * POSE_STEP)
+
+    def residual(self, change: Array) -> Array:
+        """M a - f - J^T l (nv,) in another pose, with a and l of the start."""
+        pose = self.pose
+        pose.enter(pose.moved(change))
+        force, loop_force = np.zeros((2, pose.model.nv))
+        mujoco.mj_mulM(pose.model, pose.data, force, self.accelerations)
+        if self.multipliers.size == pose.data.ne > 0:
+            multipliers = np.zeros(pose.data.nefc)
+            multipliers[: self.multipliers.size] = self.multipliers
+            mujoco.mj_mulJacTVec(pose.model, pose.data, loop_force, multipliers)
+        return np.asarray(force - pose.forces - loop_force)
+
+    def differentiate_velocity(self) -> tuple[Array, Array]:
+        """The damping C (nv, nv), and its part without inertia."""
+        pose, all_forces, own_forces = self.pose, [], []
+        pose.enter(pose.qpos)
+        for velocity in VELOCITY_STEP * np.eye(pose.model.nv):
+            sides = []
+            for pose.data.qvel[:] in (velocity, -velocity):
+                pose.evaluate_forces()
+                sides.append((pose.forces, pose.own_forces))
+            (ahead, own_ahead), (back, own_back) = sides
+            all_forces.append(back - ahead)
+            own_forces.append(own_back - own_ahead)
+        size = 2 * (pose.model.nv,)
+        return (
+            np.transpose(all_forces).reshape(size) / (2.0 * VELOCITY_STEP),
+            np.transpose(own_forces).reshape(size) / (2.0 * VELOCITY_STEP),
+        )
+
+    def softness(self, step: float) -> tuple[Array, Array, Array]:
+        """Stiffness k, damping b and weight D (rows,) of the soft rows with a time step [SI].
+
+        MuJoCo makes a `solref` at least twice the step (`refsafe`), so that they depend on it.
+        """
+        pose, count = self.pose, self.pose.data.nefc
+        if not self.soft_rows.size:
+            return np.zeros(0), np.zeros(0), np.zeros(0)
+        own, pose.model.opt.timestep = pose.model.opt.timestep, step
+        pose.enter(pose.qpos)
+        pose.model.opt.timestep = own
+        table = np.array(pose.data.efc_KBIP[: 4 * count]).reshape(-1, 4)[self.carrying]
+        weights = np.array(pose.data.efc_D[:count])[self.carrying]
+        return table[:, 0] * table[:, 2], table[:, 1], weights
+
+    def modes(self) -> list[Mode]:
+        """The modes with exact loops, the fastest first; one for each pair of eigenvalues."""
+        motions = self.pose.constraints.motions
+        count = motions.shape[1]
+        if not count:
+            return []
+        masses = motions.T @ self.masses @ motions
+        forces = motions.T @ np.hstack([self.stiffness @ motions, self.damping @ motions])
+        system = np.vstack([np.eye(count, 2 * count, count), -np.linalg.solve(masses, forces)])
+        rates, shapes = np.linalg.eig(system)
+        moving = motions @ shapes[:count]
+        energies = np.abs(moving.conj() * (self.masses @ moving))
+        return [
+            Mode(complex(rates[k]), self.pose.joint_of(int(np.argmax(energies[:, k]))))
+            for k in np.argsort(-np.abs(rates))
+            if rates[k].imag >= 0.0 and abs(rates[k]) > LEAST_RATE
+        ]

@@ -1,0 +1,166 @@
+"""The first screen of a model: what it is, what is wrong with it, which steps it bears.
+
+All follows from the start pose at rest: the key ``start``, else the first key, else the initial
+pose, with the controls of the key.  What is claimed of a run is confirmed by a run of a second.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from proofmass.base.wording import number
+from proofmass.screen.change_points import MAX_COORDINATES as MAX_COORDINATES_OF_A_WAY
+from proofmass.screen.change_points import judge_change_points
+from proofmass.screen.creep import judge_creep
+from proofmass.screen.finding import Finding, FindingKind, Severity
+from proofmass.screen.linear import LinearMotion, Mode
+from proofmass.screen.loops import judge_closing, judge_openings
+from proofmass.screen.mobility import Mobility, find_mobility, judge_mobility
+from proofmass.screen.pins import judge_free_ends, judge_pins
+from proofmass.screen.pose import RestPose
+from proofmass.screen.short_run import first_motion, start_of
+from proofmass.screen.soft_loops import judge_soft_loops, judge_stops
+from proofmass.screen.start_checks import judge_sensors, judge_start
+from proofmass.screen.steps import StableSteps, find_stable_steps, judge_steps
+from proofmass.sim.mjcf import collected_warnings, compile_model
+
+MAX_COORDINATES = 300
+"""Coordinates up to which a motion is linearised; 300 take about 10 s."""
+AT_REST = 1e-6
+"""Largest acceleration of an equilibrium [SI]."""
+LEAST_GROWTH = 1e-2
+"""Least rate of a growing mode that is told [1/s]."""
+
+
+@dataclass(frozen=True)
+class Screen:
+    """What a first screen finds.
+
+    Attributes
+    ----------
+    model : str
+        The name of the model.
+    mobility : Mobility or None
+        None for a model without joints, or whose start is not finite.
+    modes : tuple of Mode
+        Of the motion about the start pose, the fastest first.
+    steps : StableSteps or None
+        None if the motion was not linearised.
+    findings : tuple of Finding
+        The worst first.
+    """
+
+    model: str
+    mobility: Mobility | None = None
+    modes: tuple[Mode, ...] = ()
+    steps: StableSteps | None = None
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def worst(self) -> Severity | None:
+        """The severity of the worst finding; None if nothing was found."""
+        return max((finding.severity for finding in self.findings), default=None)
+
+
+def screen_file(path: Path) -> Screen:
+    """Screen the model of a file.
+
+    Raises
+    ------
+    BadModel
+        The file cannot be compiled.
+    """
+    return screen(compile_model(path), path.stem)
+
+
+def screen(model: mujoco.MjModel, name: str = "model") -> Screen:
+    """Screen a compiled model."""
+    with collected_warnings():
+        key = start_key(model)
+        data = start_of(model, key)
+        if not model.nv:
+            return Screen(name, findings=(nothing_to_move(),))
+        if not (np.isfinite(data.qpos).all() and np.isfinite(data.qacc).all()):
+            return Screen(name, findings=(not_finite(),))
+        return screen_motion(model, name, key, data)
+
+
+def screen_motion(model: mujoco.MjModel, name: str, key: int, data: mujoco.MjData) -> Screen:
+    """Screen a model with joints from a start state."""
+    pose = RestPose(model, data.qpos, data.ctrl, data.act)
+    findings = [*judge_openings(pose), *judge_start(model, data), *judge_stops(model, data)]
+    start = pose.qpos.copy()
+    left = pose.close()
+    findings += judge_closing(pose, left, -pose.change_to(start))
+    mobility = find_mobility(pose)
+    findings += judge_mobility(pose, mobility)
+    findings += [*judge_pins(pose), *judge_free_ends(pose)]
+    if mobility.loops and mobility.dof == 1 and mobility.rank == mobility.rank_beside:
+        if model.nv <= MAX_COORDINATES_OF_A_WAY:
+            findings += judge_change_points(pose)
+    modes, steps = (), None
+    if model.nv <= MAX_COORDINATES:
+        motion = LinearMotion(pose)
+        modes = tuple(motion.modes())
+        steps = find_stable_steps(model, key, pose, motion)
+        findings += judge_modes(modes, data)
+        findings += judge_steps(model, key, steps)
+        findings += judge_soft_loops(model, motion)
+        findings += judge_creep(model, key, data, motion)
+    later, moved = first_motion(model, key)
+    findings += judge_sensors(model, data, later) if moved else [nothing_moves()]
+    ordered = sorted(findings, key=lambda finding: -finding.severity)
+    return Screen(name, mobility, modes, steps, tuple(ordered))
+
+
+def start_key(model: mujoco.MjModel) -> int:
+    """The number of the key from which a model starts: ``start``, else the first; -1 if none."""
+    named = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, "start")
+    return named if named >= 0 else min(0, model.nkey - 1)
+
+
+def judge_modes(modes: tuple[Mode, ...], data: mujoco.MjData) -> Iterator[Finding]:
+    """An equilibrium that the model leaves by itself."""
+    growth = max((mode.rate.real for mode in modes), default=0.0)
+    if growth > LEAST_GROWTH and np.abs(data.qacc).max() < AT_REST:
+        yield Finding(
+            FindingKind.UNSTABLE_REST,
+            Severity.WARNING,
+            "the start is an unstable equilibrium, which the model leaves with a time constant of "
+            f"{number(1.0 / growth)} s: rounding decides the motion",
+            "start beside it, or with a velocity",
+            value=1.0 / growth,
+        )
+
+
+def nothing_to_move() -> Finding:
+    """The finding of a model without joints."""
+    return Finding(
+        FindingKind.NOTHING_MOVES,
+        Severity.FAULT,
+        "no joint: nothing can move",
+        "give bodies joints",
+    )
+
+
+def not_finite() -> Finding:
+    """The finding of a start with positions or accelerations that are not finite."""
+    return Finding(
+        FindingKind.NOT_FINITE,
+        Severity.FAULT,
+        "positions or accelerations of the start are not finite",
+        "check the key, masses and inertias",
+    )
+
+
+def nothing_moves() -> Finding:
+    """The finding of a model that stands still."""
+    return Finding(
+        FindingKind.NOTHING_MOVES,
+        Severity.WARNING,
+        "nothing moves from this start",
+        "give a key with another pose, velocities (qvel) or controls (ctrl)",
+    )

@@ -1,0 +1,146 @@
+r"""The largest stable time step of each integrator of MuJoCo, about the start pose.
+
+One step of size h takes (x, v) of the linearised motion to
+
+    v' = v + h (M + h D)^-1 M a,     x' = x + h v',     a = A_x x + A_v v,
+
+with D = the joints' damping in Euler (0 if eulerdamp is off), the symmetric part of the damping of
+all passive and actuator forces in implicitfast, and the whole damping in implicit.  RK4 takes it to
+the exponential series of h times the system's matrix up to the fourth power.
+
+The limit is the least h with more eigenvalues outside the unit circle than the motion itself has
+growing modes, or with one that grows faster than these.  For one coordinate that gives the limits
+on the page docs/stress.md: 2 (zeta + sqrt(1 + zeta^2)) / omega in Euler, 2 I / kv and 2.785 I / kv
+of a velocity servo in Euler and RK4.
+
+`tests/screen/test_stable_step.py` compares limits with the steps at which bare MuJoCo breaks.
+"""
+
+from dataclasses import dataclass
+from math import inf
+
+import mujoco
+import numpy as np
+
+from proofmass.base.arrays import Array
+from proofmass.screen.linear import LinearMotion
+
+INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
+"""The integrators whose limits are computed.  `discrete` is implicit in springs as well."""
+OUTSIDE = 1.001
+"""Length of an eigenvalue [1] that counts as outside the unit circle; with 1.0001 limits are lower
+by 0.1 %."""
+GROWING = 1e-5
+"""Growth in one step [1] from which a mode of the motion itself counts as growing."""
+FASTER = 1.05
+"""Factor by which a step may exaggerate the fastest growth of the motion itself."""
+LIMIT_SHARE = 1e-3
+"""Width of the bracket of a limit, as a share of it."""
+SCAN_FACTOR = 1.3
+"""Factor between the steps that are tried until one is unstable."""
+LONGEST_STEP, LONGEST_RATIO = 1.0, 50.0
+"""Limits beyond 1 s, or 50 of the model's own steps, count as none."""
+FIRST_PHASE, LEAST_RATE = 0.5, 1e-3
+"""The first step that is tried times the largest rate [1], and the least such rate [1/s]."""
+BEYOND = 1.01
+"""The mode that breaks is that of a step this much beyond the limit [1]."""
+CURE_MARGIN = 1.3
+"""Armature that is proposed, over what the linear count gives [1]."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The largest stable step of an integrator.
+
+    Attributes
+    ----------
+    integrator : str
+    step : float
+        [s]; infinite if no step up to a second is unstable.
+    shape : ndarray (nv,) or None
+        The mode that breaks, complex.
+    """
+
+    integrator: str
+    step: float
+    shape: Array | None = None
+
+
+class StepMatrices:
+    """The matrices by which steps change the state of a linearised motion.
+
+    Parameters
+    ----------
+    motion : LinearMotion
+    """
+
+    def __init__(self, motion: LinearMotion) -> None:
+        self.motion = motion
+        model = motion.pose.model
+        disabled = mujoco.mjtDisableBit.mjDSBL_EULERDAMP | mujoco.mjtDisableBit.mjDSBL_DAMPER
+        implicit = not model.opt.disableflags & int(disabled)
+        self.implicit_dampings = {
+            "Euler": np.diag(model.dof_damping * implicit),
+            "implicitfast": (motion.own_damping + motion.own_damping.T) / 2.0,
+            "implicit": motion.damping,
+        }
+        self.hard_flow: Array | None = None
+
+    def flow(self, step: float) -> Array:
+        """The matrix (2 nv, 2 nv) of (x, v)' for soft rows as they are with a time step."""
+        motion, soft = self.motion, self.motion.soft_rows
+        if self.hard_flow is not None:
+            return self.hard_flow
+        nv = motion.masses.shape[0]
+        masses, forces = motion.masses, np.hstack([motion.stiffness, motion.damping])
+        if soft.size:
+            stiffness, damping, weights = motion.softness(step)
+            weighted = soft.T * weights
+            added = [weighted * stiffness @ soft, weighted * damping @ soft]
+            masses, forces = masses + weighted @ soft, forces + np.hstack(added)
+        matrix = np.vstack([np.eye(nv, 2 * nv, nv), -np.linalg.solve(masses, forces)])
+        if not soft.size:
+            self.hard_flow = matrix
+        return matrix
+
+    def step(self, integrator: str, step: float) -> Array:
+        """The matrix (2 nv, 2 nv) that one step applies to (x, v)."""
+        flow = self.flow(step)
+        nv = flow.shape[0] // 2
+        if integrator == "RK4":
+            matrix = np.eye(2 * nv)
+            for k in (4, 3, 2, 1):  # Horner's form of the exponential series
+                matrix = np.eye(2 * nv) + step * flow @ matrix / k
+            return matrix
+        masses, implicit = self.motion.masses, self.implicit_dampings[integrator]
+        kick = step * np.linalg.solve(masses + step * implicit, masses @ flow[nv:])
+        kick[:, nv:] += np.eye(nv)
+        return np.vstack([np.eye(nv, 2 * nv) + step * kick, kick])
+
+    def is_unstable(self, integrator: str, step: float) -> bool:
+        """Whether a step grows in more ways, or faster, than the motion itself."""
+        exponents = step * np.linalg.eigvals(self.flow(step))
+        growth = np.exp(np.clip(exponents.real, -50.0, 50.0))
+        stepped = np.abs(
+            1 + exponents * (1 + exponents / 2 * (1 + exponents / 3 * (1 + exponents / 4)))
+            if integrator == "RK4"
+            else np.linalg.eigvals(self.step(integrator, step))
+        )
+        more = int((stepped > OUTSIDE).sum()) > int((growth > 1.0 + GROWING).sum())
+        return more or bool(stepped.max() > FASTER * max(growth.max(), 1.0))
+
+    def limit(self, integrator: str, own: float) -> Limit:
+        """The largest stable step, searched from far below; `own` is the model's step [s]."""
+        fastest = float(np.abs(np.linalg.eigvals(self.flow(own))).max(initial=0.0))
+        holds, breaks = 0.0, min(FIRST_PHASE / max(fastest, LEAST_RATE), own)
+        while not self.is_unstable(integrator, breaks):
+            holds, breaks = breaks, SCAN_FACTOR * breaks
+            if breaks > max(LONGEST_STEP, LONGEST_RATIO * own):
+                return Limit(integrator, inf)
+        while breaks - holds > LIMIT_SHARE * breaks:
+            middle = 0.5 * (holds + breaks)
+            unstable = self.is_unstable(integrator, middle)
+            holds, breaks = (holds, middle) if unstable else (middle, breaks)
+        values, vectors = np.linalg.eig(self.step(integrator, BEYOND * breaks))
+        worst = vectors[: self.motion.masses.shape[0], int(np.argmax(np.abs(values)))]
+        return Limit(integrator, breaks, worst)

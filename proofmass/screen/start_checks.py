@@ -1,0 +1,195 @@
+"""Faults of a start that need no derivative: ranges, masses, contacts, actuators, sensors."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from proofmass.base.wording import format_list, number
+from proofmass.screen.breaking_mode import moment_arms
+from proofmass.screen.finding import Element, Finding, FindingKind, Severity
+from proofmass.screen.pose import named_element
+
+OUTSIDE = 1e-6
+"""Distance of a joint from its range that is told [rad or m]."""
+INERTIA_SHARE = 1e-6
+"""Share by which two principal moments of inertia may be less than the third."""
+MASS_RATIO = 1e4
+"""Ratio of the largest to the least mass of a moving body that is told."""
+DEEP_SHARE = 0.01
+"""Depth of a contact, as a share of the model's extent, that is told as a warning."""
+TOUCHING = 1e-9
+"""Least depth of a contact that is told [m]."""
+GIMBAL_LOCK = 0.05
+"""Volume of the box of three unit axes [1] below which they are near gimbal lock."""
+NO_ARM = 1e-12
+"""Largest moment arm of an actuator that moves nothing [1 or m]."""
+MAX_NAMES = 4
+HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+def judge_start(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
+    """All that is noticed of the start state of a model as it is."""
+    yield from judge_ranges(model, data)
+    yield from judge_masses(model)
+    yield from judge_inertias(model)
+    yield from judge_axes(model, data)
+    yield from judge_contacts(model, data)
+    yield from judge_actuators(model, data)
+
+
+def joint_unit(model: mujoco.MjModel, joint: int) -> str:
+    """The unit of a hinge or slide, rad or m."""
+    return "rad" if model.jnt_type[joint] == HINGE else "m"
+
+
+def judge_ranges(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
+    """Joints that start outside their ranges."""
+    for j in range(model.njnt):
+        if not model.jnt_limited[j] or model.jnt_type[j] not in (HINGE, SLIDE):
+            continue
+        place, (low, high) = data.qpos[model.jnt_qposadr[j]], model.jnt_range[j]
+        if (outside := float(max(low - place, place - high))) > OUTSIDE:
+            joint = named_element(model, "joint", j)
+            yield Finding(
+                FindingKind.RANGE,
+                Severity.WARNING,
+                f"{joint} starts {number(outside)} {joint_unit(model, j)} outside its range: its stop "
+                "pushes it back",
+                "start inside the range",
+                joint,
+                outside,
+            )
+
+
+def judge_masses(model: mujoco.MjModel) -> Iterator[Finding]:
+    """Moving bodies whose masses are far apart; bodies without joints between them are one."""
+    group = np.asarray(model.body_weldid)
+    masses = np.bincount(group, model.body_mass, minlength=model.nbody)
+    moving = [int(b) for b in np.unique(group) if b and masses[b] > 0.0]
+    if not moving:
+        return
+    light, heavy = min(moving, key=lambda b: masses[b]), max(moving, key=lambda b: masses[b])
+    if (ratio := float(masses[heavy] / masses[light])) > MASS_RATIO:
+        element = named_element(model, "body", light)
+        yield Finding(
+            FindingKind.MASS,
+            Severity.WARNING,
+            f"{named_element(model, 'body', heavy)} has {number(ratio, 2)} times the mass of {element}: "
+            f"{number(masses[heavy], 2)} and {number(masses[light], 2)} kg",
+            "check the units of masses and densities",
+            element,
+            ratio,
+        )
+
+
+def judge_inertias(model: mujoco.MjModel) -> Iterator[Finding]:
+    """Principal moments of inertia that no body can have."""
+    for b in range(1, model.nbody):
+        small, middle, large = np.sort(model.body_inertia[b])
+        if small + middle < large * (1.0 - INERTIA_SHARE):
+            body = named_element(model, "body", b)
+            yield Finding(
+                FindingKind.INERTIA,
+                Severity.WARNING,
+                f"{body} has principal moments of inertia that no body can have, {number(small)}, "
+                f"{number(middle)} and {number(large)} kg m²: the largest exceeds the sum of the others",
+                "check the inertial element",
+                body,
+                float(large),
+            )
+
+
+def judge_axes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
+    """Three hinges of a body that are near gimbal lock at the start."""
+    for b in range(1, model.nbody):
+        first = model.body_jntadr[b]
+        joints = [
+            j for j in range(first, first + model.body_jntnum[b]) if model.jnt_type[j] == HINGE
+        ]
+        if len(joints) != 3 or np.ptp(data.xanchor[joints], axis=0).max() > TOUCHING:
+            continue
+        if (volume := abs(float(np.linalg.det(data.xaxis[joints])))) < GIMBAL_LOCK:
+            body = named_element(model, "body", b)
+            yield Finding(
+                FindingKind.GIMBAL,
+                Severity.WARNING,
+                f"the three hinges of {body} are near gimbal lock: the box of their axes has a volume "
+                f"of {number(volume, 2)}",
+                "use a ball joint, or start with the middle hinge elsewhere",
+                body,
+                volume,
+            )
+
+
+def judge_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
+    """Geoms that begin in contact."""
+    touching = [contact for contact in data.contact[: data.ncon] if contact.dist < -TOUCHING]
+    if not touching:
+        return
+    deepest = min(touching, key=lambda contact: contact.dist)
+    one, other = (named_element(model, "geom", int(g)) for g in deepest.geom)
+    depth = -float(deepest.dist)
+    deep = depth > DEEP_SHARE * model.stat.extent
+    yield Finding(
+        FindingKind.CONTACT,
+        Severity.WARNING if deep else Severity.NOTE,
+        f"{format_count(len(touching), 'contact')} at the start, the deepest by {number(depth)} m, of "
+        f"{one} and {other}",
+        "exclude neighbours from contact, or start apart" if deep else "",
+        one,
+        depth,
+    )
+
+
+def judge_actuators(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
+    """Actuators that move nothing."""
+    arms = moment_arms(data)
+    for a in range(model.nu):
+        actuator = named_element(model, "actuator", a)
+        no_gain = (
+            model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
+            and not model.actuator_gainprm[a][:3].any()
+            and not model.actuator_biasprm[a][:3].any()
+        )
+        if np.abs(arms[a]).max(initial=0.0) < NO_ARM:
+            yield without_effect(actuator, "it has no arm at the start")
+        elif no_gain:
+            yield without_effect(actuator, "its gain is 0")
+
+
+def without_effect(actuator: Element, why: str) -> Finding:
+    """The finding of an actuator without effect."""
+    return Finding(
+        FindingKind.ACTUATOR, Severity.NOTE, f"{actuator} moves nothing: {why}", element=actuator
+    )
+
+
+def format_count(count: int, noun: str) -> str:
+    """A number with its noun.
+
+    >>> format_count(1, "loop"), format_count(2, "body")
+    ('1 loop', '2 bodies')
+    """
+    plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
+    return f"{count} {noun if count == 1 else plural}"
+
+
+def judge_sensors(model: mujoco.MjModel, start: mujoco.MjData, later: mujoco.MjData) -> Iterator[Finding]:
+    """Sensors whose values are the same in two states of a model that moves."""
+    still = [
+        named_element(model, "sensor", s)
+        for s in range(model.nsensor)
+        for part in [slice(model.sensor_adr[s], model.sensor_adr[s] + model.sensor_dim[s])]
+        if np.array_equal(start.sensordata[part], later.sensordata[part])
+    ]
+    if still:
+        names = format_list(element.name for element in still[:MAX_NAMES])
+        more = f" and {len(still) - MAX_NAMES} more" if len(still) > MAX_NAMES else ""
+        yield Finding(
+            FindingKind.SENSOR,
+            Severity.NOTE,
+            f"{len(still)} of {model.nsensor} sensors do not change: {names}{more}",
+            element=still[0],
+            value=float(len(still)),
+        )

@@ -1,0 +1,218 @@
+"""The time steps that a model bears, how sure that is, and what to do if its own is too long."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import inf, isinf
+
+import mujoco
+import numpy as np
+
+from proofmass.base.wording import format_list, number
+from proofmass.screen.breaking_mode import BreakingMode, find_breaking_mode
+from proofmass.screen.finding import Finding, FindingKind, Severity
+from proofmass.screen.linear import LinearMotion
+from proofmass.screen.pose import RestPose
+from proofmass.screen.short_run import Course, breaks, follow
+from proofmass.screen.stable_step import INTEGRATORS, Limit, StepMatrices
+
+INTEGRATOR_NAMES = {
+    mujoco.mjtIntegrator.mjINT_EULER: "Euler",
+    mujoco.mjtIntegrator.mjINT_RK4: "RK4",
+    mujoco.mjtIntegrator.mjINT_IMPLICIT: "implicit",
+    mujoco.mjtIntegrator.mjINT_IMPLICITFAST: "implicitfast",
+}
+ALL_INTEGRATORS_UP_TO = 60
+"""Coordinates up to which the limits of all integrators are computed; beyond, of the model's own."""
+SAFE_SHARE = 0.8
+"""Proposed step over the largest stable one [1]."""
+CURE_MARGIN = 1.3
+"""Proposed armature over what the linear count gives [1]."""
+CLOSE_RATIO = 0.5
+"""Share of the largest stable step from which the model's own is told to be close to it."""
+LOWER_SHARE = 0.95
+"""Share of the limit of the start pose below which a limit on the way is told."""
+WORTHWHILE = 1.25
+"""Limit of another integrator over the model's own step [1] from which it is proposed."""
+
+
+@dataclass(frozen=True)
+class StableSteps:
+    """The largest stable steps of a model about its start pose.
+
+    Attributes
+    ----------
+    own : float
+        The model's time step [s].
+    integrator : str
+        The model's; empty if its limits are not known.
+    limits : dict of str to float
+        Largest stable step of each integrator [s]; infinite if there is none.
+    breaking : BreakingMode or None
+        The mode that sets the limit of the model's integrator.
+    way_limit, way_time : float
+        The least limit of the model's integrator on the way of a short run [s], and when [s].
+    about : tuple of str
+        What makes the limits approximate: contacts, joint limits, dry friction, force ranges, ...
+    """
+
+    own: float
+    integrator: str
+    limits: dict[str, float] = field(default_factory=dict)
+    breaking: BreakingMode | None = None
+    way_limit: float = inf
+    way_time: float = 0.0
+    about: tuple[str, ...] = ()
+
+    @property
+    def limit(self) -> float:
+        """The largest stable step of the model's integrator, at the start and on the way [s]."""
+        return min(self.limits.get(self.integrator, inf), self.way_limit)
+
+    @property
+    def ratio(self) -> float:
+        """The model's step over the largest stable one [1]."""
+        return self.own / self.limit
+
+
+def find_stable_steps(
+    model: mujoco.MjModel, key: int, pose: RestPose, motion: LinearMotion
+) -> StableSteps:
+    """The limits of steps at the start, and on the way of a run with a stable step."""
+    own = float(model.opt.timestep)
+    integrator = INTEGRATOR_NAMES.get(mujoco.mjtIntegrator(int(model.opt.integrator)), "")
+    matrices = StepMatrices(motion)
+    wanted = INTEGRATORS if model.nv <= ALL_INTEGRATORS_UP_TO else (integrator,)
+    limits = {name: matrices.limit(name, own) for name in wanted if name}
+    mine = limits.get(integrator)
+    course = follow(model, key, min(own, 0.5 * mine.step) if mine else own)
+    way = list(limits_on_the_way(pose, course, integrator)) if mine else []
+    way_limit, way_time = min(way, default=(inf, 0.0))
+    breaking = find_breaking_mode(matrices, mine) if mine and mine.shape is not None else None
+    return StableSteps(
+        own,
+        integrator,
+        {name: limit.step for name, limit in limits.items()},
+        breaking,
+        way_limit,
+        way_time,
+        tuple(why_about(model, course)),
+    )
+
+
+def limits_on_the_way(
+    pose: RestPose, course: Course, integrator: str
+) -> Iterator[tuple[float, float]]:
+    """The limit of an integrator in poses of a run, and when [s]; at rest and with closed loops."""
+    for time, qpos in course.poses:
+        there = RestPose(pose.model, qpos, pose.data.ctrl, pose.data.act)
+        there.close()
+        limit = StepMatrices(LinearMotion(there)).limit(integrator, pose.model.opt.timestep)
+        yield limit.step, time
+
+
+def why_about(model: mujoco.MjModel, course: Course) -> Iterator[str]:
+    """What a motion that is linear about its start pose does not have."""
+    yield from sorted(course.touches)
+    if model.dof_frictionloss.any() or model.tendon_frictionloss.any():
+        yield "dry friction"
+    if model.actuator_forcelimited.any() or model.jnt_actfrclimited.any():
+        yield "limited forces of actuators"
+    if model.opt.density or model.opt.viscosity:
+        yield "fluid forces"
+    if model.na:
+        yield "activations"
+    if model.nplugin or model.nflex:
+        yield "plugins or flexes"
+
+
+def judge_steps(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator[Finding]:
+    """What is noticed of the model's own step."""
+    if isinf(found.limit):
+        return
+    if found.ratio > 1.0:
+        if breaks(model, key, found.own):
+            yield too_long(model, found)
+        else:
+            yield not_confirmed(found)
+    elif found.ratio > CLOSE_RATIO:
+        yield Finding(
+            FindingKind.STABLE_STEP,
+            Severity.NOTE,
+            f"the step of {format_seconds(found.own)} is {number(found.ratio, 2)} times the largest "
+            f"stable one, {about(found)}{format_seconds(found.limit)} ({found.integrator}), which is "
+            f"set{describe_cause(found)}",
+            element=found.breaking.joint if found.breaking else None,
+            value=found.ratio,
+        )
+
+
+def too_long(model: mujoco.MjModel, found: StableSteps) -> Finding:
+    """The finding of a step that is unstable, in theory and in a run."""
+    return Finding(
+        FindingKind.STABLE_STEP,
+        Severity.FAULT,
+        f"the step of {format_seconds(found.own)} is {number(found.ratio)} times the largest stable "
+        f"one, {about(found)}{format_seconds(found.limit)} ({found.integrator}): the model blows up"
+        f"{describe_cause(found)}",
+        " or ".join(cures(model, found)),
+        found.breaking.joint if found.breaking else None,
+        found.ratio,
+    )
+
+
+def not_confirmed(found: StableSteps) -> Finding:
+    """The finding of a step that is unstable in theory, but not in a run of a second."""
+    why = format_list(found.about) or "a limit that is reached later"
+    return Finding(
+        FindingKind.STABLE_STEP,
+        Severity.NOTE,
+        f"the step of {format_seconds(found.own)} is {number(found.ratio)} times the largest stable "
+        f"one of the motion about the start pose, {format_seconds(found.limit)} "
+        f"({found.integrator}); a run of a second does not blow up ({why})",
+        element=found.breaking.joint if found.breaking else None,
+        value=found.ratio,
+    )
+
+
+def cures(model: mujoco.MjModel, found: StableSteps) -> Iterator[str]:
+    """What makes the model stable: a step, an integrator, an armature."""
+    yield f'timestep="{SAFE_SHARE * found.limit:.2g}"'
+    for name, limit in found.limits.items():
+        if name != found.integrator and limit > WORTHWHILE * found.own:
+            upto = "at any step" if isinf(limit) else f"up to {format_seconds(limit)}"
+            yield f'integrator="{name}" (stable {upto})'
+    if found.breaking and found.way_limit >= LOWER_SHARE * found.limits[found.integrator]:
+        cause = found.breaking.cause
+        needed = found.ratio if cause.is_damping else found.ratio**2
+        extra = CURE_MARGIN * found.breaking.mass * (needed - 1.0)
+        armature = model.dof_armature[found.breaking.coordinate] + extra
+        yield f'armature="{armature:.2g}" on {found.breaking.joint}'
+
+
+def describe_cause(found: StableSteps) -> str:
+    """The joint that breaks and why, as the end of a sentence."""
+    if found.breaking is None:
+        return ""
+    way = f", {number(found.way_time, 2)} s after the start" if is_lower_on_the_way(found) else ""
+    return f" at {found.breaking.joint}, by {found.breaking.cause}{way}"
+
+
+def is_lower_on_the_way(found: StableSteps) -> bool:
+    """Whether the limit falls on the way by more than the two are known."""
+    return found.way_limit < LOWER_SHARE * found.limits.get(found.integrator, inf)
+
+
+def about(found: StableSteps) -> str:
+    """The word before a limit that is approximate."""
+    return "about " if found.about else ""
+
+
+def format_seconds(seconds: float) -> str:
+    """A time step as text.
+
+    >>> format_seconds(0.0036378), format_seconds(1.231e-05), format_seconds(0.02)
+    ('3.64 ms', '12.3 µs', '20 ms')
+    """
+    if seconds >= 1.0:
+        return f"{number(seconds)} s"
+    return f"{number(1e3 * seconds)} ms" if seconds >= 1e-4 else f"{number(1e6 * seconds)} µs"
