@@ -39,3 +39,13 @@ def format_list(words: Iterable[str]) -> str:
     if len(words) > 4:
         words = [*words[:3], f"{len(words) - 3} more"]
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def format_count(count: int, noun: str) -> str:
+    """A number with its noun.
+
+    >>> format_count(1, "loop"), format_count(2, "body")
+    ('1 loop', '2 bodies')
+    """
+    plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
+    return f"{count} {noun if count == 1 else plural}"

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -46,6 +47,7 @@ from proofmass.verdict.refinement import (
 
 if TYPE_CHECKING:
     from proofmass.evidence.diagnosis import Diagnosis, Explanation, SharedCause
+    from proofmass.screen.screen import Screen
 
 CheckTask = tuple[Case, Kind, str] | FinerRun | Path
 LOADING_SECONDS = 60.0  # [s], the time limit of reading a sidecar
@@ -55,6 +57,8 @@ counts that take about `PROCESSOR_SECONDS`; on a slow machine they take up to 20
 OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES = 1.0, 101
 """Length of the motion of a model without a sidecar [s], and the number of times at which two ways
 of solving it are compared."""
+SCREEN_SECONDS = 120.0
+"""Limit of the processor time of a first screen [s]; the largest public models take up to 20 s."""
 CAUSES_SECONDS = 600.0
 """Processor time after which the search for the causes of one run's differences is ended [s].  It
 ends by counts, after 3 min with the slowest shipped reference; this only ends what hangs."""
@@ -70,6 +74,7 @@ class Result(ShownAsHtml):
     to the failure; `notes` has the remarks on the others.  Only runs that differ or failed have a
     diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
+    `screens` has the first screens of models without a sidecar, by their names.
     `of_others` are files of these folders that are neither sidecars nor models, see `find_inputs`.
     """
 
@@ -80,6 +85,7 @@ class Result(ShownAsHtml):
     failed: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
     diagnoses: dict[tuple[str, str, str], "Diagnosis"] = field(default_factory=dict)
     notes: dict[tuple[str, str, str], tuple[str, ...]] = field(default_factory=dict)
+    screens: dict[str, "Screen"] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
     of_others: list[Path] = field(default_factory=list)
@@ -347,6 +353,18 @@ def early_end_error(
     )
 
 
+def screen_bare_model(model: Path) -> "Screen | None":
+    """Screen a model without a sidecar in a worker; None if that fails.
+
+    What is wrong with such a model is told by `check_bare_model`.
+    """
+    from proofmass.screen.screen import screen_file
+
+    with suppress(Exception):
+        return cast("Screen", call_isolated(screen_file, model, timeout=SCREEN_SECONDS))
+    return None
+
+
 def check_bare_model(model: Path) -> list[Comparison]:
     """Check a model without a sidecar by itself, see `proofmass.reference.self_consistency`."""
     try:
@@ -587,6 +605,12 @@ def stages_of(
         elif str(found) not in map(str, result.errors):
             result.errors.append(found)
 
+    def keep_screen(future: Future["Screen | None"]) -> None:
+        if found := future.result():
+            result.screens[part.name] = found
+
+    models = [task for task in part.tasks if isinstance(task, Path)]
+    yield [CheckStep("", partial(screen_bare_model, model), keep_screen) for model in models]
     yield [
         CheckStep(task_label(task), partial(run_task, task, detectable), partial(keep_outcome, k))
         for k, task in enumerate(part.tasks)
@@ -610,6 +634,7 @@ def add_part(result: Result, part: Result) -> None:
     result.curves.update(part.curves)
     result.notes.update(part.notes)
     result.refined.extend(part.refined)
+    result.screens.update(part.screens)
     result.failed.update(part.failed)
     result.diagnoses.update(part.diagnoses)
     known = set(map(str, result.errors))

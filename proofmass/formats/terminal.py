@@ -67,6 +67,7 @@ def as_json(result: Result) -> str:
                 "causes": [cause_data(cause) for cause in result.causes],
                 "diagnoses": [diagnosis_data(found) for found in result.diagnoses.values()],
                 "notes": list(note_lines(result)),
+                "screens": screens_as_data(result),
                 "errors": [
                     {"file": str(e.file), "key": e.key, "wrong": e.wrong} for e in result.errors
                 ],
@@ -77,6 +78,24 @@ def as_json(result: Result) -> str:
         indent=1,
         allow_nan=False,
     )
+
+
+def screens_as_data(result: Result) -> dict[str, Any]:
+    """The first screens of the models as data, by their names."""
+    if not result.screens:
+        return {}
+    from proofmass.formats.screen import screen_data  # loads MuJoCo
+
+    return {name: screen_data(found) for name, found in result.screens.items()}
+
+
+def first_screens(result: Result) -> Iterator[Text]:
+    """The lines of the first screens."""
+    if result.screens:
+        from proofmass.formats.screen import screen_lines  # loads MuJoCo
+
+        for name, found in result.screens.items():
+            yield from screen_lines(name, found)
 
 
 def cause_data(cause: "SharedCause") -> dict[str, Any]:
@@ -316,6 +335,7 @@ def failure_lines(
     error; and the number of comparisons with each outcome.
     """
     pages, causes = {case.name for case in result.cases}, result.causes
+    yield from first_screens(result)
     for (case, run, solver), rows in groupby(
         result.comparisons, lambda c: (c.case, c.run, c.solver)
     ):

@@ -337,11 +337,12 @@ class Rung:
         """The sentences on a self-consistent motion."""
         own, known, end = self.motion.runs[0], self.known, ", its end" if self.whole_run else ""
         error = self.error(own)
-        off = f"off by {format_length(error)}" if error > known else "off by no more than that"
-        yield (
-            f"until {number(self.until)} s{end}, known to {format_length(known)} and {off} "
-            f"as it is ({own.name})."
+        off = (
+            f"off by {format_length(error)}, known to {format_length(known)},"
+            if error > known
+            else f"off by no more than {format_length(known)}, to which it is known,"
         )
+        yield f"until {number(self.until)} s{end}, {off} as it is ({own.name})."
         if (opened := float(own.gap[0])) > OPEN_SHARE * self.motion.extent:
             yield (
                 f"Its loops are open by {number(opened, 2)} m or rad at the start: they close by a "

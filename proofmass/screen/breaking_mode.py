@@ -81,10 +81,9 @@ def find_breaking_mode(steps: StepMatrices, limit: Limit) -> BreakingMode:
     added = weights * (motion.soft_rows @ real) ** 2 if weights.size else np.zeros(0)
     mass = float(real @ motion.masses @ real + added.sum())
     shares = list(find_shares(steps, limit, real, float((added * stiffness).sum())))
-    cause = max(shares, key=lambda share: share.size)
-    return BreakingMode(
-        pose.joint_of(k), k, Share(cause.what, cause.actuator, cause.size / mass), mass / real[k] ** 2
-    )
+    worst = max(shares, key=lambda share: share.size)
+    cause = Share(worst.what, worst.actuator, worst.size / mass)
+    return BreakingMode(pose.joint_of(k), k, cause, mass / float(real[k]) ** 2)
 
 
 def find_shares(

@@ -36,7 +36,7 @@ class Passed:
 
 
 def find_change_points(pose: RestPose) -> Iterator[tuple[Element, float, str]]:
-    """The joint that tells it, its place, and its unit, of the first change point in each direction.
+    """The first change point in each direction: the joint that tells it, its place and its unit.
 
     The pose is on the loops and has one degree of freedom.
     """
@@ -87,8 +87,8 @@ def judge_change_points(pose: RestPose) -> Iterator[Finding]:
         yield Finding(
             FindingKind.CHANGE_POINT,
             Severity.WARNING,
-            f"{joint} comes to a change point at {number(place, 4)} {unit}: bars are in line there, and "
-            "an engine may leave it in another assembly mode",
+            f"{joint} comes to a change point at {number(place, 4)} {unit}: bars are in line there "
+            "and an engine may leave it in another assembly mode",
             "stop before it",
             joint,
             place,

@@ -7,9 +7,9 @@ therefore moves with
     v = f R / b,
 
 which is (1 - d) f T dmax / (2 d I) for one joint of inertia I with the time constant T and the
-impedance d of its `solreffriction` and `solimpfriction` (docs/engines.md).  Joints that loops couple
-share their loads: with the motions N that exact loops allow, and S the rows of N at the joints with
-friction, v = S (S^T diag(b/R) S)^-1 N^T f.
+impedance d of its `solreffriction` and `solimpfriction` (docs/engines.md).  Joints that loops
+couple share their loads: with the motions N that exact loops allow, and S the rows of N at the
+joints with friction, v = S (S^T diag(b/R) S)^-1 N^T f.
 """
 
 from collections.abc import Iterator
@@ -75,7 +75,10 @@ def find_creep(model: mujoco.MjModel, data: mujoco.MjData, motion: LinearMotion)
     for group in coupled_groups(motion, coordinates):
         rubbing = np.intersect1d(group, coordinates)
         speeds = group_speeds(motion, group, rubbing, viscosity, forces)
-        if speeds is None or (np.abs(viscosity[rubbing] * speeds) > model.dof_frictionloss[rubbing]).any():
+        if (
+            speeds is None
+            or (np.abs(viscosity[rubbing] * speeds) > model.dof_frictionloss[rubbing]).any()
+        ):
             continue
         for k, speed in zip(rubbing, speeds, strict=True):
             if abs(speed) > LEAST_CREEP and not is_at_stop(model, pose.qpos, int(k), float(speed)):
@@ -144,9 +147,9 @@ def judge_creep(
         yield Finding(
             FindingKind.CREEP,
             Severity.FAULT if abs(creep.speed) > SEEN_CREEP else Severity.NOTE,
-            f"{creep.joint} creeps with {number(abs(creep.speed))} {unit}/s, though its friction of "
-            f"{number(creep.friction)} {force} would hold its load of {number(abs(creep.load))} {force}: "
-            "MuJoCo's dry friction is soft",
+            f"{creep.joint} creeps with {number(abs(creep.speed))} {unit}/s, though its friction "
+            f"of {number(creep.friction)} {force} would hold its load of "
+            f"{number(abs(creep.load))} {force}: MuJoCo's dry friction is soft",
             propose_stiffer(model, creep),
             named_element(model, "joint", int(model.dof_jntid[creep.coordinate])),
             creep.speed,
@@ -156,13 +159,11 @@ def judge_creep(
 def propose_stiffer(model: mujoco.MjModel, creep: Creep) -> str:
     """The impedance that makes a joint slower; empty if it has about that already.
 
-    The speed is proportional to (1 - d) / d of the impedance d.
+    The speed is proportional to (1 - d) / d times the largest impedance.
     """
-    low = float(model.dof_solimp[creep.coordinate][0])
-    slower = (1.0 - low) / low / ((1.0 - STIFF_IMPEDANCE) / STIFF_IMPEDANCE)
+    low, high = (float(share) for share in model.dof_solimp[creep.coordinate][:2])
+    slower = (1.0 - low) / low * high / (1.0 - STIFF_IMPEDANCE)
     if slower < WORTHWHILE:
         return ""
-    impedance = f"{STIFF_IMPEDANCE:g}"
-    return (
-        f'solimpfriction="{impedance} {impedance} 0.001" on it makes it {number(slower, 2)} times slower'
-    )
+    text = f'solimpfriction="{STIFF_IMPEDANCE:g} {STIFF_IMPEDANCE:g} 0.001"'
+    return f"{text} on it makes it {number(slower, 2)} times slower"

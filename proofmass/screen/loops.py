@@ -55,14 +55,14 @@ def judge_openings(pose: RestPose) -> Iterator[Finding]:
             yield Finding(
                 FindingKind.OPEN_LOOP,
                 Severity.FAULT,
-                f"{element} is open by {number(opening)} {unit} at the start: the loop closes by a jerk",
+                f"{element} is open by {number(opening)} {unit} at the start: it closes by a jerk",
                 element=element,
                 value=opening,
             )
 
 
 def judge_closing(pose: RestPose, left: float, change: Array) -> Iterator[Finding]:
-    """What is noticed of loops that were closed: `left` is their residual, `change` the way (nv,)."""
+    """What is noticed of loops after closing: the residual `left`, and the `change` (nv,)."""
     model = pose.model
     if left > LEFT_SHARE * model.stat.extent:
         yield Finding(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from proofmass.base.wording import number
+from proofmass.base.wording import format_count, number
 from proofmass.screen.finding import Element, Finding, FindingKind, Severity
 from proofmass.screen.pose import RestPose
 
@@ -59,6 +59,11 @@ class Mobility:
         return self.coordinates - self.rank_beside
 
     @property
+    def has_one_way(self) -> bool:
+        """Whether loops leave it one degree of freedom, in the start pose as beside it."""
+        return bool(self.loops) and self.dof == 1 and self.rank == self.rank_beside
+
+    @property
     def redundant(self) -> int:
         """Equations that others imply."""
         return self.equations - self.rank
@@ -84,7 +89,7 @@ def find_mobility(pose: RestPose) -> Mobility:
         needed={
             equality_element(pose, int(e)): (
                 int((constraints.equalities == e).sum()),
-                rank - constraints.without(e).rank,
+                rank - constraints.without(int(e)).rank,
             )
             for e in active
         },
@@ -127,20 +132,21 @@ def judge_mobility(pose: RestPose, found: Mobility) -> Iterator[Finding]:
         yield Finding(
             FindingKind.NO_MOBILITY,
             Severity.FAULT,
-            f"the mobility is 0: {found.equations} equations, of which {found.rank} are independent, "
-            f"leave none of {found.coordinates} joint coordinates free; what moves is the softness of "
-            "the loops",
+            f"the mobility is 0: {found.equations} equations, of which {found.rank} are "
+            f"independent, leave none of {found.coordinates} joint coordinates free; what moves is "
+            "the softness of the loops",
             "replace a weld that closes a loop by a connect, or leave out a loop",
             value=0.0,
         )
     elif found.rank_beside > found.rank:
         extra = found.rank_beside - found.rank
+        motions = format_count(extra, "more motion")
         yield Finding(
             FindingKind.SINGULAR_START,
             Severity.WARNING,
             f"the start pose is singular: {found.rank} independent equations, {found.rank_beside} "
-            f"beside it, so that just here {extra} more {'motion is' if extra == 1 else 'motions are'} "
-            "possible, and an engine may leave in another assembly mode",
+            f"beside it, which leaves {motions} just here, and an engine may leave it in another "
+            "assembly mode",
             "start beside this pose",
             value=float(extra),
         )

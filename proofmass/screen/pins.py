@@ -1,4 +1,4 @@
-"""Pins that lie outside the bodies that they join, and free ends that coincide with nothing between.
+"""Pins that lie outside the bodies that they join, and free ends that coincide and are not joined.
 
 A connect takes its anchor in the frame of one body; the other body's anchor follows from the start
 pose.  A wrong pose or a wrong frame is no error for MuJoCo: the pin then lies in the air beside a
@@ -59,10 +59,14 @@ def find_pins(pose: RestPose) -> list[Pin]:
             continue
         one, other, numbers = model.eq_obj1id[e], model.eq_obj2id[e], model.eq_data[e]
         if model.eq_objtype[e] == SITE:
-            found += [Pin(int(e), int(model.site_bodyid[s]), data.site_xpos[s].copy()) for s in (one, other)]
+            for s in (one, other):
+                found.append(Pin(int(e), int(model.site_bodyid[s]), data.site_xpos[s].copy()))
             continue
         weld = model.eq_type[e] == CLOSURES[1]  # its anchor is a point of the second body
-        places = (other if weld else one, numbers[:3]), (other, numbers[:3] if weld else numbers[3:6])
+        places = (
+            (other if weld else one, numbers[:3]),
+            (other, numbers[:3] if weld else numbers[3:6]),
+        )
         for body, (frame, place) in zip((one, other), places, strict=True):
             turned = data.xmat[frame].reshape(3, 3) @ place
             found.append(Pin(int(e), int(body), data.xpos[frame] + turned))
@@ -72,7 +76,8 @@ def find_pins(pose: RestPose) -> list[Pin]:
 def judge_pins(pose: RestPose) -> Iterator[Finding]:
     """Pins that lie outside every geom of a body that they join."""
     pins = find_pins(pose)
-    gaps = {(pin.equality, pin.body): gap for pin in pins if (gap := gap_of(pose, pin))}
+    found = ((pin, gap_of(pose, pin)) for pin in pins)
+    gaps = {(pin.equality, pin.body): gap for pin, gap in found if gap is not None}
     bodies = {e: {pin.body for pin in pins if pin.equality == e} for e, _ in gaps}
     for (e, body), (gap, size) in gaps.items():
         if gap <= max(OUTSIDE_SHARE * size, EXTENT_SHARE * pose.model.stat.extent):
@@ -203,4 +208,3 @@ def coupled_bodies(pose: RestPose) -> set[int]:
     on_joints = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & pose.data.eq_active.astype(bool)
     pairs = np.column_stack([model.eq_obj1id[on_joints], model.eq_obj2id[on_joints]])
     return {int(model.body_weldid[model.jnt_bodyid[j]]) for j in pairs[pairs >= 0]}
-

@@ -98,10 +98,10 @@ def screen_motion(model: mujoco.MjModel, name: str, key: int, data: mujoco.MjDat
     mobility = find_mobility(pose)
     findings += judge_mobility(pose, mobility)
     findings += [*judge_pins(pose), *judge_free_ends(pose)]
-    if mobility.loops and mobility.dof == 1 and mobility.rank == mobility.rank_beside:
-        if model.nv <= MAX_COORDINATES_OF_A_WAY:
-            findings += judge_change_points(pose)
-    modes, steps = (), None
+    if mobility.has_one_way and model.nv <= MAX_COORDINATES_OF_A_WAY:
+        findings += judge_change_points(pose)
+    modes: tuple[Mode, ...] = ()
+    steps: StableSteps | None = None
     if model.nv <= MAX_COORDINATES:
         motion = LinearMotion(pose)
         modes = tuple(motion.modes())

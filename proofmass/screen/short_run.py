@@ -28,7 +28,10 @@ CALM_SHARE = 8
 """Divisor of the step with which the growth of the motion itself is measured."""
 STOPS = [
     int(kind)
-    for kind in (mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT, mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON)
+    for kind in (
+        mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT,
+        mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON,
+    )
 ]
 FIRST_CONTACT = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
 """Kinds of constraints from this one on are contacts."""
@@ -82,7 +85,8 @@ def follow(model: mujoco.MjModel, key: int, step: float) -> Course:
     """Run a model with a step, for a second or `MAX_STEPS` steps."""
     data, calm = start_of(model, key), with_step(model, step)
     count = int(min(MAX_STEPS, max(4, np.ceil(SECONDS / step))))
-    poses, touches = [], set(touched(data))
+    poses = list[tuple[float, Array]]()
+    touches = set(touched(data))
     for k in range(1, count + 1):
         mujoco.mj_step(calm, data)
         if has_failed(data):

@@ -1,10 +1,11 @@
-"""Loops and stops that give way under the load of the start, since MuJoCo's constraints are soft."""
+"""Loops and stops that give way under load, since MuJoCo's constraints are soft."""
 
 from collections.abc import Iterator
 
 import mujoco
 import numpy as np
 
+from proofmass.base.arrays import Array
 from proofmass.base.wording import number
 from proofmass.screen.finding import Finding, FindingKind, Severity
 from proofmass.screen.linear import LinearMotion
@@ -14,6 +15,8 @@ from proofmass.screen.start_checks import HINGE, SLIDE, joint_unit
 
 GIVEN_SHARE = 1e-3
 """Share of the model's extent by which a loop gives way that is told."""
+MAX_ITERATIONS = 20
+"""Iterations of the depth of a stop, whose stiffness depends on it."""
 PAST_RANGE = 1e-6
 """Distance of a servo's target beyond a stop that is told [rad or m]."""
 
@@ -33,8 +36,7 @@ def judge_soft_loops(model: mujoco.MjModel, motion: LinearMotion) -> Iterator[Fi
             Severity.WARNING,
             f"{element} gives way by {number(float(given[worst]))} m or rad under the load of the "
             "start: MuJoCo's loops are soft",
-            f'a shorter time constant: solref="{2.0 * model.opt.timestep:.2g} 1" on it, or a shorter '
-            "step",
+            f'solref="{2.0 * model.opt.timestep:.2g} 1" on it, or a shorter step',
             element,
             float(given[worst]),
         )
@@ -43,8 +45,8 @@ def judge_soft_loops(model: mujoco.MjModel, motion: LinearMotion) -> Iterator[Fi
 def judge_stops(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
     """Position servos whose targets lie beyond the stops of their joints.
 
-    At rest the servo's force g kp (over - r) / g equals that of the soft stop, k r / R, so that the
-    stop gives way by r = over / (1 + 1 / ((1 - d) w T^2 zeta^2 g^2 kp)).
+    At rest the servo's force g^2 kp (over - r) equals that of the soft stop, which `stop_stiffness`
+    gives.
     """
     for a in range(model.nu):
         j, gear = int(model.actuator_trnid[a][0]), float(model.actuator_gear[a][0])
@@ -60,17 +62,48 @@ def judge_stops(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]
         over = float(max(low - target, target - high))
         if over <= PAST_RANGE:
             continue
-        constant = max(float(model.jnt_solref[j][0]), 2.0 * model.opt.timestep)
-        softness = (1.0 - float(model.jnt_solimp[j][1])) * float(model.dof_invweight0[model.jnt_dofadr[j]])
-        stop = softness * (constant * float(model.jnt_solref[j][1])) ** 2
-        given = over / (1.0 + 1.0 / (stop * gear**2 * gain))
+        given = over
+        for _ in range(MAX_ITERATIONS):
+            given = over / (1.0 + stop_stiffness(model, j, given) / (gear**2 * gain))
         actuator, joint = named_element(model, "actuator", a), named_element(model, "joint", j)
+        unit = joint_unit(model, j)
         yield Finding(
             FindingKind.STOP,
             Severity.WARNING,
-            f"{actuator} pulls {joint} to a target {number(over)} {joint_unit(model, j)} past its range: "
-            f"the soft stop gives way by about {number(given, 2)} {joint_unit(model, j)}",
+            f"{actuator} pulls {joint} to a target {number(over)} {unit} past its range: the soft "
+            f"stop gives way by about {number(given, 2)} {unit}",
             "a control inside the range",
             actuator,
             over,
         )
+
+
+def stop_stiffness(model: mujoco.MjModel, joint: int, depth: float) -> float:
+    """The force over the depth of a joint's stop [N m/rad or N/m].
+
+    With the time constant T, the damping ratio z, the impedance d at the depth, the largest one D,
+    and the inverse inertia w of the joint it is d^2 / (D^2 T^2 z^2 (1 - d) w).
+    """
+    constant, ratio = (float(number) for number in model.jnt_solref[joint])
+    constant = max(constant, 2.0 * model.opt.timestep)  # MuJoCo's refsafe
+    d, largest = impedance(model.jnt_solimp[joint], depth), float(model.jnt_solimp[joint][1])
+    weight = float(model.dof_invweight0[model.jnt_dofadr[joint]])
+    return d**2 / ((largest * constant * ratio) ** 2 * (1.0 - d) * weight)
+
+
+def impedance(solimp: Array, depth: float) -> float:
+    """MuJoCo's impedance at a depth [1], of the five numbers of `solimp`.
+
+    It rises from the first to the second number within the width, as a power on both sides of the
+    midpoint.
+
+    >>> round(impedance(np.array([0.9, 0.95, 0.001, 0.5, 2.0]), 0.0005), 9)
+    0.925
+    """
+    low, high, width, middle, power = (float(number) for number in solimp)
+    share = min(abs(depth) / width, 1.0)
+    if share <= middle:
+        rise = middle * (share / middle) ** power
+    else:
+        rise = 1.0 - (1.0 - middle) * ((1.0 - share) / (1.0 - middle)) ** power
+    return low + (high - low) * rise

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from proofmass.base.wording import format_list, number
+from proofmass.base.wording import format_count, format_list, number
 from proofmass.screen.breaking_mode import moment_arms
 from proofmass.screen.finding import Element, Finding, FindingKind, Severity
 from proofmass.screen.pose import named_element
@@ -54,8 +54,8 @@ def judge_ranges(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding
             yield Finding(
                 FindingKind.RANGE,
                 Severity.WARNING,
-                f"{joint} starts {number(outside)} {joint_unit(model, j)} outside its range: its stop "
-                "pushes it back",
+                f"{joint} starts {number(outside)} {joint_unit(model, j)} outside its range: its "
+                "stop pushes it back",
                 "start inside the range",
                 joint,
                 outside,
@@ -75,8 +75,8 @@ def judge_masses(model: mujoco.MjModel) -> Iterator[Finding]:
         yield Finding(
             FindingKind.MASS,
             Severity.WARNING,
-            f"{named_element(model, 'body', heavy)} has {number(ratio, 2)} times the mass of {element}: "
-            f"{number(masses[heavy], 2)} and {number(masses[light], 2)} kg",
+            f"{named_element(model, 'body', heavy)} has {number(ratio, 2)} times the mass of "
+            f"{element}: {number(masses[heavy], 2)} and {number(masses[light], 2)} kg",
             "check the units of masses and densities",
             element,
             ratio,
@@ -93,7 +93,7 @@ def judge_inertias(model: mujoco.MjModel) -> Iterator[Finding]:
                 FindingKind.INERTIA,
                 Severity.WARNING,
                 f"{body} has principal moments of inertia that no body can have, {number(small)}, "
-                f"{number(middle)} and {number(large)} kg m²: the largest exceeds the sum of the others",
+                f"{number(middle)} and {number(large)} kg m²: the last exceeds the others' sum",
                 "check the inertial element",
                 body,
                 float(large),
@@ -114,8 +114,8 @@ def judge_axes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
             yield Finding(
                 FindingKind.GIMBAL,
                 Severity.WARNING,
-                f"the three hinges of {body} are near gimbal lock: the box of their axes has a volume "
-                f"of {number(volume, 2)}",
+                f"the three hinges of {body} are near gimbal lock: the box of their axes has a "
+                f"volume of {number(volume, 2)}",
                 "use a ball joint, or start with the middle hinge elsewhere",
                 body,
                 volume,
@@ -134,8 +134,8 @@ def judge_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Findi
     yield Finding(
         FindingKind.CONTACT,
         Severity.WARNING if deep else Severity.NOTE,
-        f"{format_count(len(touching), 'contact')} at the start, the deepest by {number(depth)} m, of "
-        f"{one} and {other}",
+        f"{format_count(len(touching), 'contact')} at the start, the deepest by {number(depth)} m, "
+        f"of {one} and {other}",
         "exclude neighbours from contact, or start apart" if deep else "",
         one,
         depth,
@@ -165,17 +165,9 @@ def without_effect(actuator: Element, why: str) -> Finding:
     )
 
 
-def format_count(count: int, noun: str) -> str:
-    """A number with its noun.
-
-    >>> format_count(1, "loop"), format_count(2, "body")
-    ('1 loop', '2 bodies')
-    """
-    plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
-    return f"{count} {noun if count == 1 else plural}"
-
-
-def judge_sensors(model: mujoco.MjModel, start: mujoco.MjData, later: mujoco.MjData) -> Iterator[Finding]:
+def judge_sensors(
+    model: mujoco.MjModel, start: mujoco.MjData, later: mujoco.MjData
+) -> Iterator[Finding]:
     """Sensors whose values are the same in two states of a model that moves."""
     still = [
         named_element(model, "sensor", s)

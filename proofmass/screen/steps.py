@@ -1,11 +1,11 @@
 """The time steps that a model bears, how sure that is, and what to do if its own is too long."""
 
+import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf, isinf
 
 import mujoco
-import numpy as np
 
 from proofmass.base.wording import format_list, number
 from proofmass.screen.breaking_mode import BreakingMode, find_breaking_mode
@@ -13,7 +13,7 @@ from proofmass.screen.finding import Finding, FindingKind, Severity
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.pose import RestPose
 from proofmass.screen.short_run import Course, breaks, follow
-from proofmass.screen.stable_step import INTEGRATORS, Limit, StepMatrices
+from proofmass.screen.stable_step import INTEGRATORS, StepMatrices
 
 INTEGRATOR_NAMES = {
     mujoco.mjtIntegrator.mjINT_EULER: "Euler",
@@ -22,7 +22,7 @@ INTEGRATOR_NAMES = {
     mujoco.mjtIntegrator.mjINT_IMPLICITFAST: "implicitfast",
 }
 ALL_INTEGRATORS_UP_TO = 60
-"""Coordinates up to which the limits of all integrators are computed; beyond, of the model's own."""
+"""Coordinates up to which the limits of all integrators are computed, not only the model's."""
 SAFE_SHARE = 0.8
 """Proposed step over the largest stable one [1]."""
 CURE_MARGIN = 1.3
@@ -31,6 +31,8 @@ CLOSE_RATIO = 0.5
 """Share of the largest stable step from which the model's own is told to be close to it."""
 LOWER_SHARE = 0.95
 """Share of the limit of the start pose below which a limit on the way is told."""
+ARMATURE_FACTORS = 1.0, 2.0, 4.0, 8.0
+"""Multiples of the armature of the linear count that are tried."""
 WORTHWHILE = 1.25
 """Limit of another integrator over the model's own step [1] from which it is proposed."""
 
@@ -131,30 +133,26 @@ def judge_steps(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator
         return
     if found.ratio > 1.0:
         if breaks(model, key, found.own):
-            yield too_long(model, found)
+            yield too_long(model, key, found)
         else:
             yield not_confirmed(found)
     elif found.ratio > CLOSE_RATIO:
         yield Finding(
             FindingKind.STABLE_STEP,
             Severity.NOTE,
-            f"the step of {format_seconds(found.own)} is {number(found.ratio, 2)} times the largest "
-            f"stable one, {about(found)}{format_seconds(found.limit)} ({found.integrator}), which is "
-            f"set{describe_cause(found)}",
+            f"{describe_ratio(found)}, which is set{describe_cause(found)}",
             element=found.breaking.joint if found.breaking else None,
             value=found.ratio,
         )
 
 
-def too_long(model: mujoco.MjModel, found: StableSteps) -> Finding:
+def too_long(model: mujoco.MjModel, key: int, found: StableSteps) -> Finding:
     """The finding of a step that is unstable, in theory and in a run."""
     return Finding(
         FindingKind.STABLE_STEP,
         Severity.FAULT,
-        f"the step of {format_seconds(found.own)} is {number(found.ratio)} times the largest stable "
-        f"one, {about(found)}{format_seconds(found.limit)} ({found.integrator}): the model blows up"
-        f"{describe_cause(found)}",
-        " or ".join(cures(model, found)),
+        f"{describe_ratio(found)}: the model blows up{describe_cause(found)}",
+        " or ".join(cures(model, key, found)),
         found.breaking.joint if found.breaking else None,
         found.ratio,
     )
@@ -166,27 +164,50 @@ def not_confirmed(found: StableSteps) -> Finding:
     return Finding(
         FindingKind.STABLE_STEP,
         Severity.NOTE,
-        f"the step of {format_seconds(found.own)} is {number(found.ratio)} times the largest stable "
-        f"one of the motion about the start pose, {format_seconds(found.limit)} "
-        f"({found.integrator}); a run of a second does not blow up ({why})",
+        f"{describe_ratio(found)} of the motion about the start pose; a run of a second does not "
+        f"blow up ({why})",
         element=found.breaking.joint if found.breaking else None,
         value=found.ratio,
     )
 
 
-def cures(model: mujoco.MjModel, found: StableSteps) -> Iterator[str]:
+def cures(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator[str]:
     """What makes the model stable: a step, an integrator, an armature."""
     yield f'timestep="{SAFE_SHARE * found.limit:.2g}"'
     for name, limit in found.limits.items():
         if name != found.integrator and limit > WORTHWHILE * found.own:
             upto = "at any step" if isinf(limit) else f"up to {format_seconds(limit)}"
             yield f'integrator="{name}" (stable {upto})'
-    if found.breaking and found.way_limit >= LOWER_SHARE * found.limits[found.integrator]:
-        cause = found.breaking.cause
-        needed = found.ratio if cause.is_damping else found.ratio**2
-        extra = CURE_MARGIN * found.breaking.mass * (needed - 1.0)
-        armature = model.dof_armature[found.breaking.coordinate] + extra
+    if found.breaking and (armature := curing_armature(model, key, found)):
         yield f'armature="{armature:.2g}" on {found.breaking.joint}'
+
+
+def curing_armature(model: mujoco.MjModel, key: int, found: StableSteps) -> float | None:
+    """The armature with which the model runs with its own step; None if none was found.
+
+    The inertia of a mode has to grow with the step if a damping breaks it, and with its square if a
+    stiffness does.  What that gives is tried, and twice, four and eight times as much.
+    """
+    assert found.breaking is not None
+    needed = found.ratio if found.breaking.cause.is_damping else found.ratio**2
+    extra = CURE_MARGIN * found.breaking.mass * (needed - 1.0)
+    for factor in ARMATURE_FACTORS:
+        cured = copy.copy(model)
+        armature = cured.dof_armature[found.breaking.coordinate] + factor * extra
+        cured.dof_armature[found.breaking.coordinate] = float(f"{armature:.2g}")
+        mujoco.mj_setConst(cured, mujoco.MjData(cured))
+        if not breaks(cured, key, found.own):
+            return float(armature)
+    return None
+
+
+def describe_ratio(found: StableSteps) -> str:
+    """The model's step beside the largest stable one, as the beginning of a sentence."""
+    about = "about " if found.about else ""
+    return (
+        f"the step of {format_seconds(found.own)} is {number(found.ratio)} times the largest "
+        f"stable one, {about}{format_seconds(found.limit)} ({found.integrator})"
+    )
 
 
 def describe_cause(found: StableSteps) -> str:
@@ -200,11 +221,6 @@ def describe_cause(found: StableSteps) -> str:
 def is_lower_on_the_way(found: StableSteps) -> bool:
     """Whether the limit falls on the way by more than the two are known."""
     return found.way_limit < LOWER_SHARE * found.limits.get(found.integrator, inf)
-
-
-def about(found: StableSteps) -> str:
-    """The word before a limit that is approximate."""
-    return "about " if found.about else ""
 
 
 def format_seconds(seconds: float) -> str:
