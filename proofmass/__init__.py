@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from proofmass.report.reprs import as_html as as_html
     from proofmass.run.sidecar import load_case as load_case
     from proofmass.run.solve import solve as solve
+    from proofmass.screen.screen import screen_model as screen_model
     from proofmass.sim.protocol.curves import Curves as Curves
     from proofmass.verdict.compare import Comparison as Comparison
     from proofmass.verdict.compare import compare as compare
@@ -37,6 +38,7 @@ PUBLIC = {
     "evaluate": "reference.evaluate",
     "Curves": "sim.protocol.curves",
     "solve": "run.solve",
+    "screen_model": "screen.screen",
 }
 """Modules by the names that they give to the package; they are imported when a name is used."""
 
@@ -53,6 +55,7 @@ __all__ = [
     "compare",
     "evaluate",
     "load_case",
+    "screen_model",
     "solve",
 ]
 

@@ -31,6 +31,7 @@ QUESTIONS = {
     "base": "what do all others use?",
     "analytic": "what does mathematics say?",
     "sim": "what do the engines say?",
+    "screen": "what is this model?",
     "case": "what did the user write?",
     "reference": "what is a run compared with?",
     "run": "what is one run?",

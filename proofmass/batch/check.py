@@ -1,7 +1,7 @@
 """Check cases: find them below given paths, run every solver and compare its curves."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -74,7 +74,8 @@ class Result(ShownAsHtml):
     to the failure; `notes` has the remarks on the others.  Only runs that differ or failed have a
     diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
-    `screens` has the first screens of models without a sidecar, by their names.
+    `screens` has the first screens of models without a sidecar, and of models that blew up, by the
+    names of their cases.
     `of_others` are files of these folders that are neither sidecars nor models, see `find_inputs`.
     """
 
@@ -89,6 +90,12 @@ class Result(ShownAsHtml):
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
     of_others: list[Path] = field(default_factory=list)
+
+    def has_finding(self, kinds: Collection[str]) -> bool:
+        """Whether a first screen has a finding of some kinds, `FindingKind`."""
+        return any(
+            finding.kind in kinds for screen in self.screens.values() for finding in screen.findings
+        )
 
     @property
     def exit_code(self) -> int:
@@ -353,15 +360,12 @@ def early_end_error(
     )
 
 
-def screen_bare_model(model: Path) -> "Screen | None":
-    """Screen a model without a sidecar in a worker; None if that fails.
-
-    What is wrong with such a model is told by `check_bare_model`.
-    """
-    from proofmass.screen.screen import screen_file
+def screen_isolated(model: Path) -> "Screen | None":
+    """Screen a model in a worker; None if that fails, since its runs say why."""
+    from proofmass.screen.screen import screen_model
 
     with suppress(Exception):
-        return cast("Screen", call_isolated(screen_file, model, timeout=SCREEN_SECONDS))
+        return cast("Screen", call_isolated(screen_model, model, timeout=SCREEN_SECONDS))
     return None
 
 
@@ -609,23 +613,33 @@ def stages_of(
         if found := future.result():
             result.screens[part.name] = found
 
-    models = [task for task in part.tasks if isinstance(task, Path)]
-    yield [CheckStep("", partial(screen_bare_model, model), keep_screen) for model in models]
+    bare = [task for task in part.tasks if isinstance(task, Path)]
     yield [
         CheckStep(task_label(task), partial(run_task, task, detectable), partial(keep_outcome, k))
         for k, task in enumerate(part.tasks)
     ]
+    yield [CheckStep("", partial(screen_isolated, model), keep_screen) for model in bare]
     yield [CheckStep("", partial(collect_outcomes, part.tasks, outcomes, result), here=True)]
     outcomes.clear()
     part.tasks.clear()  # the study of a refinement holds the curves of all its runs
     if not result.cases:
         result.comparisons[:] = [replace(c, case=part.name) for c in result.comparisons]
     if causes:
+        models = [case.model_path for case in result.cases if blew_up(result, case)]
+        yield [CheckStep("", partial(screen_isolated, model), keep_screen) for model in models]
         yield list(diagnosis_steps(result))
     if consumer is not None:
         if result.cases:
             yield [CheckStep("", partial(consumer.take, result), here=True)]
         part.result = replace(result, curves={}, failed={})
+
+
+def blew_up(result: Result, case: Case) -> bool:
+    """Whether the engine whose language the model is in diverged; rods are no part of the model."""
+    return not case.rod and any(
+        c.outcome == Outcome.DIVERGED and c.solver.partition(":")[0] == NATIVE_ENGINE
+        for c in result.comparisons
+    )
 
 
 def add_part(result: Result, part: Result) -> None:

@@ -184,6 +184,14 @@ def check_command(
         Path | None,
         typer.Option("--sarif", help="SARIF 2.1.0 to write, one result per fault.", metavar="FILE"),
     ] = None,
+    fail_on: Annotated[
+        str,
+        typer.Option(
+            help="Kinds of findings of a first screen that give exit code 1, such as "
+            "stable-step,open-loop.",
+            metavar="KINDS",
+        ),
+    ] = "",
     leave_others: Annotated[
         bool,
         typer.Option(
@@ -195,8 +203,8 @@ def check_command(
 ) -> None:
     """Run every case and compare it with its reference.
 
-    Exit code 0: all agree; 1: something differs, diverged or crashed, or nothing of a case is
-    checked; 2: bad input, or a file that cannot be written.
+    Exit code 0: all agree; 1: something differs, diverged or crashed, nothing of a case is checked,
+    or a model has a finding of --fail-on; 2: bad input, or a file that cannot be written.
     """
     from proofmass.base.files import protect, require_replaceable
     from proofmass.batch.check import Result
@@ -207,6 +215,7 @@ def check_command(
         protect(paths or [])
         for given in filter(None, (junit, sarif)):
             require_replaceable(given)
+        failing = finding_kinds(fail_on)
     left = [path for path in paths or [] if leave_others and is_of_others(path)]
     print_files_of_others(left)
     if left and left == paths:
@@ -221,7 +230,26 @@ def check_command(
     for file, form in ((junit, "junit"), (sarif, "sarif")):
         if file is not None:  # after the verdicts, which are printed even if the disk is full
             export_result(file, form, result)
-    raise typer.Exit(result.exit_code)
+    raise typer.Exit(max(result.exit_code, int(result.has_finding(failing))))
+
+
+def finding_kinds(words: str) -> set[str]:
+    """The kinds of findings that words with commas between them name.
+
+    Raises
+    ------
+    ValueError
+        A word is no kind.
+    """
+    from proofmass.screen.finding import FindingKind
+
+    kinds = {word.strip() for word in words.split(",") if word.strip()}
+    if unknown := sorted(kinds - set(FindingKind)):
+        raise ValueError(
+            f"--fail-on: no kind of finding {', '.join(unknown)}; there are: "
+            f"{', '.join(FindingKind)}"
+        )
+    return kinds
 
 
 @app.command("report")

@@ -21,9 +21,9 @@ MAX_FINDINGS = 12
 """Findings that are printed; JSON has all of them."""
 
 
-def screen_lines(name: str, screen: Screen) -> Iterator[Text]:
+def screen_lines(screen: Screen) -> Iterator[Text]:
     """The lines of a screen: what the model is, then the findings, the worst first."""
-    yield Text(f"{name}: {describe_model(screen)}", style="bold")
+    yield Text(f"{screen.model}: {describe_model(screen)}", style="bold")
     for finding in screen.findings[:MAX_FINDINGS]:
         sign, style = SIGNS[finding.severity]
         yield Text.assemble((f"  {sign} ", style), finding.text)

@@ -94,8 +94,8 @@ def first_screens(result: Result) -> Iterator[Text]:
     if result.screens:
         from proofmass.formats.screen import screen_lines  # loads MuJoCo
 
-        for name, found in result.screens.items():
-            yield from screen_lines(name, found)
+        for found in result.screens.values():
+            yield from screen_lines(found)
 
 
 def cause_data(cause: "SharedCause") -> dict[str, Any]:

@@ -470,7 +470,7 @@ def test_a_model_without_a_sidecar_is_checked_for_self_consistency(short, worker
         "m",
     )
     assert found.outcome == "self-consistent"
-    assert found.message.startswith("until 1 s, its end, known to ")
+    assert found.message.startswith("until 1 s, its end, off by no more than ")
     assert found.at == 1.0
     assert 0.0 < found.uncertainty < 1e-6  # m
     assert np.isnan(found.allowed)

@@ -353,6 +353,7 @@ def test_json_has_null_for_nan_and_infinity():
         "causes",
         "diagnoses",
         "notes",
+        "screens",
         "errors",
         "of_others",
         "exit_code",

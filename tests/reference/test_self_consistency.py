@@ -75,9 +75,7 @@ def test_a_motion_that_converges_is_known_to_its_end(order):
     assert Rung(few).better().name == "Euler, 1 ms"
     words = rung.words()
     known = "781 µm" if order == 1 else "12 µm"
-    beginning = (
-        f"until 1 s, its end, known to {known} and off by 50 mm as it is (Euler, 2 ms). Steps"
-    )
+    beginning = f"until 1 s, its end, off by 50 mm, known to {known}, as it is (Euler, 2 ms). Steps"
     assert words.startswith(beginning)
     assert f"converge with order {order:g}, DOP853 at 1e-9 agrees with the finest and" in words
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from proofmass.screen.finding import FindingKind, Severity
-from proofmass.screen.screen import screen, screen_file
+from proofmass.screen.screen import screen_model
 
 CASES = Path(__file__).parents[1] / "data" / "screen"
 # a four-bar that is closed in its key, with a servo, and a slide beside it
@@ -46,11 +46,11 @@ PLANTED = [
 
 def finding_of(model, kind):
     """The findings of a kind."""
-    return [finding for finding in screen(model).findings if finding.kind is kind]
+    return [finding for finding in screen_model(model).findings if finding.kind is kind]
 
 
 def test_the_model_without_a_fault_has_no_finding():
-    found = screen(mujoco.MjModel.from_xml_string(GOOD))
+    found = screen_model(mujoco.MjModel.from_xml_string(GOOD))
     assert [str(finding) for finding in found.findings] == []
     assert (found.mobility.dof, found.mobility.redundant) == (2, 1)
 
@@ -136,13 +136,13 @@ def test_a_model_in_which_nothing_moves_and_one_without_joints_are_told():
     slide = mujoco.MjModel.from_xml_string(xml.format('<joint type="slide" axis="1 0 0"/>'))
     assert finding_of(slide, FindingKind.NOTHING_MOVES)
     fixed = mujoco.MjModel.from_xml_string(xml.format(""))
-    assert [finding.severity for finding in screen(fixed).findings] == [Severity.FAULT]
+    assert [finding.severity for finding in screen_model(fixed).findings] == [Severity.FAULT]
 
 
 def test_a_start_that_is_not_finite_is_told():
     model = mujoco.MjModel.from_xml_string(GOOD)
     model.key_qpos[0, 0] = np.nan
-    assert [finding.kind for finding in screen(model).findings] == [FindingKind.NOT_FINITE]
+    assert [finding.kind for finding in screen_model(model).findings] == [FindingKind.NOT_FINITE]
 
 
 def test_a_sensor_that_does_not_change_is_told():
@@ -175,7 +175,7 @@ def test_joints_that_creep_are_told_with_their_speed():
     while data.time < 0.3:  # after the transient of the start
         mujoco.mj_step(model, data)
     measured = data.qvel
-    found = [f for f in screen_file(path).findings if f.kind is FindingKind.CREEP]
+    found = [f for f in screen_model(path).findings if f.kind is FindingKind.CREEP]
     assert {finding.element.name for finding in found} == {"shoulder", "elbow"}
     for finding in found:
         address = model.joint(finding.element.name).dofadr[0]

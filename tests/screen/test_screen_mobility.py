@@ -11,7 +11,7 @@ import pytest
 from proofmass.screen.finding import FindingKind
 from proofmass.screen.mobility import find_mobility
 from proofmass.screen.pose import RestPose
-from proofmass.screen.screen import screen, screen_file
+from proofmass.screen.screen import screen_model
 
 MODELS = Path(__file__).parents[2] / "models"
 CASES = Path(__file__).parents[1] / "data" / "screen"
@@ -161,14 +161,14 @@ def test_the_general_planar_solver_counts_the_same(name):
     from proofmass.analytic.planar import read
     from proofmass.analytic.planar.kinematics import count_dof, nearest_pose
 
-    found = screen_file(MODELS / f"{name}.xml")
+    found = screen_model(MODELS / f"{name}.xml")
     mechanism, _ = read(mujoco.MjModel.from_xml_path(str(MODELS / f"{name}.xml")), "start")
     assert found.mobility.dof == count_dof(mechanism, nearest_pose(mechanism, mechanism.start))
 
 
 def test_a_loop_that_is_closed_by_a_weld_has_no_mobility():
     # six equations on two joints: a Scotch yoke of the issue tracker of a public library
-    found = screen_file(CASES / "scotch_weld.xml")
+    found = screen_model(CASES / "scotch_weld.xml")
     assert (found.mobility.dof, found.mobility.rank, found.mobility.equations) == (0, 2, 6)
     assert FindingKind.NO_MOBILITY in {finding.kind for finding in found.findings}
 
@@ -189,7 +189,7 @@ SQUARE = """
 def test_change_points_lie_where_the_bars_of_a_parallelogram_are_in_line():
     xml = SQUARE.format(base=1.5, rise=0, last=1)
     model = mujoco.MjModel.from_xml_string(xml)
-    found = [f.value for f in screen(model).findings if f.kind is FindingKind.CHANGE_POINT]
+    found = [f.value for f in screen_model(model).findings if f.kind is FindingKind.CHANGE_POINT]
     assert sorted(found) == pytest.approx([-np.pi / 2, np.pi / 2], abs=2e-3)
 
 
@@ -198,7 +198,7 @@ def test_a_linkage_without_bars_in_line_has_no_change_point():
     # none is the sum of all others
     xml = SQUARE.format(base=1.5, rise=0.3, last=1.3)
     model = mujoco.MjModel.from_xml_string(xml)
-    kinds = {finding.kind for finding in screen(model).findings}
+    kinds = {finding.kind for finding in screen_model(model).findings}
     assert FindingKind.CHANGE_POINT not in kinds
 
 
@@ -208,6 +208,6 @@ def test_bars_in_line_at_the_start_are_a_singular_start():
     model_key[:] = [np.pi / 2, -np.pi / 2, np.pi / 2]  # all bars along x
     spec = mujoco.MjSpec.from_string(SQUARE.format(base=1.5, rise=0, last=1))
     spec.add_key(name="start", qpos=model_key)
-    found = screen(spec.compile())
+    found = screen_model(spec.compile())
     assert FindingKind.SINGULAR_START in {finding.kind for finding in found.findings}
     assert (found.mobility.rank, found.mobility.rank_beside) == (1, 2)

@@ -10,7 +10,7 @@ import pytest
 from proofmass.screen.finding import FindingKind, Severity
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.pose import RestPose
-from proofmass.screen.screen import screen, screen_file
+from proofmass.screen.screen import screen_model
 from proofmass.screen.stable_step import INTEGRATORS, StepMatrices
 
 CASES = Path(__file__).parents[1] / "data" / "screen"
@@ -141,7 +141,7 @@ def test_bare_mujoco_breaks_at_the_limits(seed):
     ],
 )
 def test_public_models_that_blow_up_are_named_with_their_limit_and_cause(name, limit, cause):
-    found = screen_file(CASES / f"{name}.xml")
+    found = screen_model(CASES / f"{name}.xml")
     [fault] = [finding for finding in found.findings if finding.kind is FindingKind.STABLE_STEP]
     assert fault.severity is Severity.FAULT
     assert found.steps.limit == pytest.approx(limit, rel=0.01)
@@ -153,7 +153,7 @@ def test_the_proposed_cures_of_a_model_that_blows_up_work():
     path = CASES / "pd954.xml"
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
-    found = screen_file(path)
+    found = screen_model(path)
     assert runs(model) is False
     model.opt.timestep = 0.8 * found.steps.limit
     assert runs(model)
@@ -184,13 +184,13 @@ def runs(model):
 def test_a_model_within_its_limit_has_no_finding_of_its_step():
     model = mujoco.MjModel.from_xml_path(str(CASES / "pd954.xml"))
     model.opt.timestep = 1e-3
-    kinds = {finding.kind for finding in screen(model).findings}
+    kinds = {finding.kind for finding in screen_model(model).findings}
     assert FindingKind.STABLE_STEP not in kinds
 
 
 def test_rk4_breaks_where_a_stiff_velocity_feedback_makes_it():
     # Menagerie's issue 254: the Flexiv Rizon runs with RK4 at 12 microseconds and fails at 13
-    found = screen_file(CASES / "rizon254.xml")
+    found = screen_model(CASES / "rizon254.xml")
     assert 12e-6 < found.steps.limits["RK4"] < 13e-6
 
 

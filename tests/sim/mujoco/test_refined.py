@@ -134,7 +134,7 @@ def test_the_page_states_until_when_a_motion_is_known():
     """
     described = properties(brief_tumbling_box())
     assert "with soft contacts" in described["equations of motion"]
-    assert described["self-consistent"].startswith("until 0.3 s, its end, known to ")
+    assert described["self-consistent"].startswith("until 0.3 s, its end, off by ")
 
 
 def test_a_motion_that_is_not_known_to_its_end_is_refused(monkeypatch):
