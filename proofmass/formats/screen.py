@@ -7,7 +7,7 @@ from typing import Any
 from rich.text import Text
 
 from proofmass.base.wording import format_count, format_list, number
-from proofmass.screen.finding import Finding, Severity
+from proofmass.screen.finding import ModelFinding, Severity
 from proofmass.screen.mobility import Mobility
 from proofmass.screen.screen import Screen
 from proofmass.screen.steps import StableSteps, format_seconds
@@ -133,7 +133,7 @@ def screen_data(screen: Screen) -> dict[str, Any]:
     }
 
 
-def finding_data(finding: Finding) -> dict[str, Any]:
+def finding_data(finding: ModelFinding) -> dict[str, Any]:
     """A finding as data."""
     element = finding.element
     return {

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 
 from proofmass.base.arrays import Array
-from proofmass.screen.finding import Element
+from proofmass.screen.finding import NamedElement
 from proofmass.screen.linear import LinearMotion
-from proofmass.screen.stable_step import Limit, StepMatrices
+from proofmass.screen.stable_step import StepLimit, StepMatrices
 
 CHANGE = 1e-6
 """Step of the differences of actuator forces [rad or m, and per s]."""
@@ -24,7 +24,7 @@ class Share:
     ----------
     what : str
         ``stiffness`` or ``damping`` of an actuator, or one of the names of this module.
-    actuator : Element or None
+    actuator : NamedElement or None
         The actuator, if it is one.
     size : float
         (h omega / 2)^2 of a stiffness, h c / (2 m) of a damping in which the integrator is
@@ -32,7 +32,7 @@ class Share:
     """
 
     what: str
-    actuator: Element | None
+    actuator: NamedElement | None
     size: float
 
     @property
@@ -54,7 +54,7 @@ class BreakingMode:
 
     Attributes
     ----------
-    joint : Element
+    joint : NamedElement
         The joint with the largest share of its kinetic energy.
     coordinate : int
         Its coordinate.
@@ -64,13 +64,13 @@ class BreakingMode:
         The mode's mass where the joint moves by one [kg or kg m^2].
     """
 
-    joint: Element
+    joint: NamedElement
     coordinate: int
     cause: Share
     mass: float
 
 
-def find_breaking_mode(steps: StepMatrices, limit: Limit) -> BreakingMode:
+def find_breaking_mode(steps: StepMatrices, limit: StepLimit) -> BreakingMode:
     """The joint and the cause of a limit with a mode."""
     motion, pose = steps.motion, steps.motion.pose
     assert limit.shape is not None
@@ -87,7 +87,7 @@ def find_breaking_mode(steps: StepMatrices, limit: Limit) -> BreakingMode:
 
 
 def find_shares(
-    steps: StepMatrices, limit: Limit, shape: Array, softness: float
+    steps: StepMatrices, limit: StepLimit, shape: Array, softness: float
 ) -> Iterator[Share]:
     """The causes of a mode at a limit, not yet divided by the mode's mass."""
     motion, pose = steps.motion, steps.motion.pose

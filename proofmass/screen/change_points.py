@@ -12,16 +12,16 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.base.wording import number
-from proofmass.screen.finding import Element, Finding, FindingKind, Severity
+from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
 from proofmass.screen.pose import RestPose
 from proofmass.screen.start_checks import HINGE, SLIDE, joint_unit
 
 STEP = 0.04
 """Largest motion of a coordinate from a pose to the next [rad, or share of the extent]."""
-MAX_POSES = 160
+POSES_OF_A_WAY = 160
 """Poses in each direction: a whole turn."""
-MAX_COORDINATES = 40
-CLOSED = 1e-9
+COORDINATES_OF_A_WAY = 40
+CLOSED_ON_THE_WAY = 1e-9
 """Largest residual of a pose on the way [m or rad]."""
 SMALL_VALUE, STEEP = 0.1, 0.75
 """A minimum below the first [1], and below this share of its rise to the neighbours, is a V."""
@@ -35,7 +35,7 @@ class Passed:
     value: float
 
 
-def find_change_points(pose: RestPose) -> Iterator[tuple[Element, float, str]]:
+def find_change_points(pose: RestPose) -> Iterator[tuple[NamedElement, float, str]]:
     """The first change point in each direction: the joint that tells it, its place and its unit.
 
     The pose is on the loops and has one degree of freedom.
@@ -63,14 +63,14 @@ def follow(pose: RestPose, side: float) -> Iterator[Passed]:
     scale = np.where(slides, model.stat.extent, 1.0)
     there = RestPose(model, pose.qpos, pose.data.ctrl, pose.data.act)
     last: Array | None = None
-    for _ in range(MAX_POSES):
+    for _ in range(POSES_OF_A_WAY):
         constraints = there.constraints
         yield Passed(there.qpos.copy(), float(constraints.singular_values[model.nv - 2]))
         direction = scale * np.linalg.svd(constraints.rows * scale)[2][model.nv - 1]
         sign = side if last is None else np.sign(direction @ last) or 1.0
         direction = direction * (sign * STEP / np.abs(direction / scale).max())
         last, there.qpos = direction, there.moved(direction)
-        if there.close() > CLOSED or is_beyond_a_limit(model, there.qpos):
+        if there.close() > CLOSED_ON_THE_WAY or is_beyond_a_limit(model, there.qpos):
             return
 
 
@@ -81,10 +81,10 @@ def is_beyond_a_limit(model: mujoco.MjModel, qpos: Array) -> bool:
     return bool(((places < ranges[:, 0]) | (places > ranges[:, 1])).any())
 
 
-def judge_change_points(pose: RestPose) -> Iterator[Finding]:
+def judge_change_points(pose: RestPose) -> Iterator[ModelFinding]:
     """The change points that are noticed, if the model has one degree of freedom and is small."""
     for joint, place, unit in find_change_points(pose):
-        yield Finding(
+        yield ModelFinding(
             FindingKind.CHANGE_POINT,
             Severity.WARNING,
             f"{joint} comes to a change point at {number(place, 4)} {unit}: bars are in line there "

@@ -20,7 +20,7 @@ import numpy as np
 
 from proofmass.base.arrays import Array, Index
 from proofmass.base.wording import number
-from proofmass.screen.finding import Element, Finding, FindingKind, Severity
+from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.pose import RANK_SHARE, named_element
 from proofmass.screen.short_run import drift
@@ -35,19 +35,19 @@ SEEN_CREEP = 1e-3
 """Speed from which a creeping joint is a fault [rad/s or m/s]: 3 degrees in a minute."""
 STIFF_IMPEDANCE = 0.9999
 """The largest impedance that MuJoCo accepts [1] (mjMAXIMP)."""
-WORTHWHILE = 2.0
+WORTHWHILE_SLOWNESS = 2.0
 """How much slower a proposed impedance has to make a joint [1]."""
 CONFIRMED_SHARE = 0.5
 """Share of the predicted motion that a run must show: a joint on its stop shows none of it."""
 
 
 @dataclass(frozen=True)
-class Creep:
+class CreepingJoint:
     """A joint that creeps though its friction would hold it.
 
     Attributes
     ----------
-    joint : Element
+    joint : NamedElement
     coordinate : int
     speed : float
         [rad/s or m/s]
@@ -55,14 +55,16 @@ class Creep:
         The load that friction has to hold, and its limit [N m or N].
     """
 
-    joint: Element
+    joint: NamedElement
     coordinate: int
     speed: float
     load: float
     friction: float
 
 
-def find_creep(model: mujoco.MjModel, data: mujoco.MjData, motion: LinearMotion) -> Iterator[Creep]:
+def find_creep(
+    model: mujoco.MjModel, data: mujoco.MjData, motion: LinearMotion
+) -> Iterator[CreepingJoint]:
     """The joints that creep from the start state `data`, in which all constraints are known."""
     rows = np.flatnonzero(np.array(data.efc_type[: data.nefc]) == FRICTION)
     table = np.array(data.efc_KBIP[: 4 * data.nefc]).reshape(-1, 4)
@@ -82,7 +84,7 @@ def find_creep(model: mujoco.MjModel, data: mujoco.MjData, motion: LinearMotion)
             continue
         for k, speed in zip(rubbing, speeds, strict=True):
             if abs(speed) > LEAST_CREEP and not is_at_stop(model, pose.qpos, int(k), float(speed)):
-                yield Creep(
+                yield CreepingJoint(
                     pose.joint_of(int(k)),
                     int(k),
                     float(speed),
@@ -133,7 +135,7 @@ def is_at_stop(model: mujoco.MjModel, qpos: Array, coordinate: int, speed: float
 
 def judge_creep(
     model: mujoco.MjModel, key: int, data: mujoco.MjData, motion: LinearMotion
-) -> Iterator[Finding]:
+) -> Iterator[ModelFinding]:
     """The joints that creep, in theory and in a run."""
     found = list(find_creep(model, data, motion))
     if not found:
@@ -144,7 +146,7 @@ def judge_creep(
             continue
         unit = joint_unit(model, int(model.dof_jntid[creep.coordinate]))
         force = "N m" if unit == "rad" else "N"
-        yield Finding(
+        yield ModelFinding(
             FindingKind.CREEP,
             Severity.FAULT if abs(creep.speed) > SEEN_CREEP else Severity.NOTE,
             f"{creep.joint} creeps with {number(abs(creep.speed))} {unit}/s, though its friction "
@@ -156,14 +158,14 @@ def judge_creep(
         )
 
 
-def propose_stiffer(model: mujoco.MjModel, creep: Creep) -> str:
+def propose_stiffer(model: mujoco.MjModel, creep: CreepingJoint) -> str:
     """The impedance that makes a joint slower; empty if it has about that already.
 
     The speed is proportional to (1 - d) / d times the largest impedance.
     """
     low, high = (float(share) for share in model.dof_solimp[creep.coordinate][:2])
     slower = (1.0 - low) / low * high / (1.0 - STIFF_IMPEDANCE)
-    if slower < WORTHWHILE:
+    if slower < WORTHWHILE_SLOWNESS:
         return ""
     text = f'solimpfriction="{STIFF_IMPEDANCE:g} {STIFF_IMPEDANCE:g} 0.001"'
     return f"{text} on it makes it {number(slower, 2)} times slower"

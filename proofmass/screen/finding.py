@@ -41,7 +41,7 @@ class FindingKind(StrEnum):
 
 
 @dataclass(frozen=True)
-class Element:
+class NamedElement:
     """An element of a model, such as a joint or an actuator.
 
     Attributes
@@ -58,7 +58,7 @@ class Element:
 
 
 @dataclass(frozen=True)
-class Finding:
+class ModelFinding:
     """One thing that is noticed.
 
     Attributes
@@ -68,7 +68,7 @@ class Finding:
     text, remedy : str
         What was found, in a sentence without a full stop, with the number first that matters; and
         what to do, empty if nothing is to be done.
-    element : Element or None
+    element : NamedElement or None
         The element that it is about.
     value : float or None
         The number of the sentence [its unit].
@@ -78,7 +78,7 @@ class Finding:
     severity: Severity
     text: str
     remedy: str = ""
-    element: Element | None = None
+    element: NamedElement | None = None
     value: float | None = None
 
     def __str__(self) -> str:

@@ -23,7 +23,7 @@ import mujoco
 import numpy as np
 
 from proofmass.base.arrays import Array
-from proofmass.screen.finding import Element
+from proofmass.screen.finding import NamedElement
 from proofmass.screen.pose import RestPose
 
 POSE_STEP, VELOCITY_STEP = 1e-6, 1e-5
@@ -31,25 +31,25 @@ POSE_STEP, VELOCITY_STEP = 1e-6, 1e-5
 by less than 1e-4 of themselves."""
 MULTIPLIER_SHARE = 1e-10
 """Least singular value for the multipliers of loops, as a share of the largest."""
-LEAST_RATE = 1e-3
+LEAST_MODE_RATE = 1e-3
 """Modes whose eigenvalue is smaller are free motions [1/s]."""
 LINEAR = mujoco.mjtConstraintState.mjCNSTRSTATE_QUADRATIC
 
 
 @dataclass(frozen=True)
-class Mode:
+class VibrationMode:
     """A mode of the linearised motion with exact loops.
 
     Attributes
     ----------
     rate : complex
         Its eigenvalue [1/s]; of a pair the one with the positive imaginary part.
-    joint : Element
+    joint : NamedElement
         The joint with the largest share of its kinetic energy.
     """
 
     rate: complex
-    joint: Element
+    joint: NamedElement
 
     @property
     def frequency(self) -> float:
@@ -161,7 +161,7 @@ class LinearMotion:
         weights = np.array(pose.data.efc_D[:count])[self.carrying]
         return table[:, 0] * table[:, 2], table[:, 1], weights
 
-    def modes(self) -> list[Mode]:
+    def modes(self) -> list[VibrationMode]:
         """The modes with exact loops, the fastest first; one for each pair of eigenvalues."""
         motions = self.pose.constraints.motions
         count = motions.shape[1]
@@ -174,7 +174,7 @@ class LinearMotion:
         moving = motions @ shapes[:count]
         energies = np.abs(moving.conj() * (self.masses @ moving))
         return [
-            Mode(complex(rates[k]), self.pose.joint_of(int(np.argmax(energies[:, k]))))
+            VibrationMode(complex(rates[k]), self.pose.joint_of(int(np.argmax(energies[:, k]))))
             for k in np.argsort(-np.abs(rates))
-            if rates[k].imag >= 0.0 and abs(rates[k]) > LEAST_RATE
+            if rates[k].imag >= 0.0 and abs(rates[k]) > LEAST_MODE_RATE
         ]

@@ -7,12 +7,12 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.base.wording import number
-from proofmass.screen.finding import Element, Finding, FindingKind, Severity
+from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
 from proofmass.screen.mobility import CLOSURES, equality_element
 from proofmass.screen.pose import RestPose
 from proofmass.screen.start_checks import joint_unit
 
-OPEN_SHARE, OPEN_ANGLE = 1e-4, 1e-3
+TOLD_OPENING_SHARE, TOLD_OPENING_ANGLE = 1e-4, 1e-3
 """Opening of a loop that is noticed: a share of the model's extent [1], and an angle [rad]."""
 LEFT_SHARE = 1e-6
 """Residual, as a share of the extent, with which loops cannot be closed."""
@@ -20,7 +20,7 @@ TORQUE_SCALE = 10
 """Place of a weld's torque scale among the numbers of an equality."""
 
 
-def openings(pose: RestPose) -> Iterator[tuple[Element, float, str]]:
+def openings(pose: RestPose) -> Iterator[tuple[NamedElement, float, str]]:
     """The opening of each active equality in a pose, and its unit, m or rad.
 
     The place of a connect or weld is open by a distance.  A weld is also open by an angle, which is
@@ -47,12 +47,12 @@ def unit_of_coupling(model: mujoco.MjModel, equality: int) -> str:
     return "rad" if hinge else "m"
 
 
-def judge_openings(pose: RestPose) -> Iterator[Finding]:
+def judge_openings(pose: RestPose) -> Iterator[ModelFinding]:
     """The loops that are open in the pose of the file."""
     extent = pose.model.stat.extent
     for element, opening, unit in openings(pose):
-        if opening > (OPEN_SHARE * extent if unit == "m" else OPEN_ANGLE):
-            yield Finding(
+        if opening > (TOLD_OPENING_SHARE * extent if unit == "m" else TOLD_OPENING_ANGLE):
+            yield ModelFinding(
                 FindingKind.OPEN_LOOP,
                 Severity.FAULT,
                 f"{element} is open by {number(opening)} {unit} at the start: it closes by a jerk",
@@ -61,11 +61,11 @@ def judge_openings(pose: RestPose) -> Iterator[Finding]:
             )
 
 
-def judge_closing(pose: RestPose, left: float, change: Array) -> Iterator[Finding]:
+def judge_closing(pose: RestPose, left: float, change: Array) -> Iterator[ModelFinding]:
     """What is noticed of loops after closing: the residual `left`, and the `change` (nv,)."""
     model = pose.model
     if left > LEFT_SHARE * model.stat.extent:
-        yield Finding(
+        yield ModelFinding(
             FindingKind.OPEN_LOOP,
             Severity.FAULT,
             f"the loops stay open by {number(left)} m or rad: no pose near the start closes them",
@@ -73,11 +73,11 @@ def judge_closing(pose: RestPose, left: float, change: Array) -> Iterator[Findin
             value=left,
         )
         return
-    if change.size and np.abs(change).max() > OPEN_ANGLE:
+    if change.size and np.abs(change).max() > TOLD_OPENING_ANGLE:
         k = int(np.argmax(np.abs(change)))
         joint = pose.joint_of(k)
         unit = joint_unit(model, int(model.dof_jntid[k]))
-        yield Finding(
+        yield ModelFinding(
             FindingKind.OPEN_LOOP,
             Severity.NOTE,
             f"the loops close where {joint} is {number(float(change[k]))} {unit} further",

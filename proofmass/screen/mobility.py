@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from proofmass.base.wording import format_count, number
-from proofmass.screen.finding import Element, Finding, FindingKind, Severity
+from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
 from proofmass.screen.pose import RestPose
 
 BESIDE = 0.02
@@ -38,7 +38,7 @@ class Mobility:
         The rank in poses beside the start pose; it is higher if the start pose is singular.
     least_value : float
         Least singular value of the independent equations [1]; NaN if there are none.
-    needed : dict of Element to tuple of int
+    needed : dict of NamedElement to tuple of int
         For each active equality its equations, and those of them that no other equality implies.
     """
 
@@ -51,7 +51,7 @@ class Mobility:
     rank: int
     rank_beside: int
     least_value: float
-    needed: dict[Element, tuple[int, int]]
+    needed: dict[NamedElement, tuple[int, int]]
 
     @property
     def dof(self) -> int:
@@ -117,19 +117,19 @@ def ranks_beside(pose: RestPose) -> list[int]:
     return found
 
 
-def equality_element(pose: RestPose, equality: int) -> Element:
+def equality_element(pose: RestPose, equality: int) -> NamedElement:
     """An equality as an MJCF element: a connect, weld, joint or tendon, with its name."""
     kind = mujoco.mjtEq(int(pose.model.eq_type[equality])).name.removeprefix("mjEQ_").lower()
-    return Element(kind, pose.element("equality", equality).name)
+    return NamedElement(kind, pose.element("equality", equality).name)
 
 
-def judge_mobility(pose: RestPose, found: Mobility) -> Iterator[Finding]:
+def judge_mobility(pose: RestPose, found: Mobility) -> Iterator[ModelFinding]:
     """What is noticed of a mobility.
 
     `pose` has closed loops, which may have been open in the model's own start pose.
     """
     if found.equations and found.rank == found.coordinates:
-        yield Finding(
+        yield ModelFinding(
             FindingKind.NO_MOBILITY,
             Severity.FAULT,
             f"the mobility is 0: {found.equations} equations, of which {found.rank} are "
@@ -141,7 +141,7 @@ def judge_mobility(pose: RestPose, found: Mobility) -> Iterator[Finding]:
     elif found.rank_beside > found.rank:
         extra = found.rank_beside - found.rank
         motions = format_count(extra, "more motion")
-        yield Finding(
+        yield ModelFinding(
             FindingKind.SINGULAR_START,
             Severity.WARNING,
             f"the start pose is singular: {found.rank} independent equations, {found.rank_beside} "
@@ -151,7 +151,7 @@ def judge_mobility(pose: RestPose, found: Mobility) -> Iterator[Finding]:
             value=float(extra),
         )
     elif found.least_value < NEARLY_SINGULAR:
-        yield Finding(
+        yield ModelFinding(
             FindingKind.SINGULAR_START,
             Severity.NOTE,
             f"the start pose is nearly singular: its least singular value is "

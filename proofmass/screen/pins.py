@@ -15,7 +15,7 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.base.wording import number
-from proofmass.screen.finding import Finding, FindingKind, Severity
+from proofmass.screen.finding import FindingKind, ModelFinding, Severity
 from proofmass.screen.mobility import CLOSURES, equality_element
 from proofmass.screen.pose import RestPose
 
@@ -23,7 +23,7 @@ OUTSIDE_SHARE = 0.05
 """Distance of a pin from every geom of a body, as a share of the body's size, that is told."""
 EXTENT_SHARE = 1e-4
 """Least such distance, and tolerance of places, as a share of the model's extent."""
-COINCIDENT_SHARE = 0.02
+COINCIDENT_ENDS_SHARE = 0.02
 """Distance of two free ends that coincide, as a share of the smaller geom."""
 APART_SHARE = 1e-3
 """Least distance of the centres of two geoms whose ends coincide, as a share of the extent."""
@@ -35,7 +35,7 @@ SITE = mujoco.mjtObj.mjOBJ_SITE
 
 
 @dataclass(frozen=True)
-class Pin:
+class LoopPin:
     """One end of a connect or weld.
 
     Attributes
@@ -51,7 +51,7 @@ class Pin:
     place: Array
 
 
-def find_pins(pose: RestPose) -> list[Pin]:
+def find_pins(pose: RestPose) -> list[LoopPin]:
     """The two ends of each active connect and weld."""
     model, data, found = pose.model, pose.data, []
     for e in np.flatnonzero(data.eq_active):
@@ -60,7 +60,7 @@ def find_pins(pose: RestPose) -> list[Pin]:
         one, other, numbers = model.eq_obj1id[e], model.eq_obj2id[e], model.eq_data[e]
         if model.eq_objtype[e] == SITE:
             for s in (one, other):
-                found.append(Pin(int(e), int(model.site_bodyid[s]), data.site_xpos[s].copy()))
+                found.append(LoopPin(int(e), int(model.site_bodyid[s]), data.site_xpos[s].copy()))
             continue
         weld = model.eq_type[e] == CLOSURES[1]  # its anchor is a point of the second body
         places = (
@@ -69,11 +69,11 @@ def find_pins(pose: RestPose) -> list[Pin]:
         )
         for body, (frame, place) in zip((one, other), places, strict=True):
             turned = data.xmat[frame].reshape(3, 3) @ place
-            found.append(Pin(int(e), int(body), data.xpos[frame] + turned))
+            found.append(LoopPin(int(e), int(body), data.xpos[frame] + turned))
     return found
 
 
-def judge_pins(pose: RestPose) -> Iterator[Finding]:
+def judge_pins(pose: RestPose) -> Iterator[ModelFinding]:
     """Pins that lie outside every geom of a body that they join."""
     pins = find_pins(pose)
     found = ((pin, gap_of(pose, pin)) for pin in pins)
@@ -90,7 +90,7 @@ def judge_pins(pose: RestPose) -> Iterator[Finding]:
             continue
         element, on = equality_element(pose, e), pose.element("body", body)
         placed = pose.model.eq_objtype[e] == SITE  # the author placed both sites himself
-        yield Finding(
+        yield ModelFinding(
             FindingKind.PIN,
             Severity.NOTE if placed else Severity.WARNING,
             f"the pin of {element} lies {number(gap)} m outside every geom of {on}, whose size is "
@@ -101,7 +101,7 @@ def judge_pins(pose: RestPose) -> Iterator[Finding]:
         )
 
 
-def gap_of(pose: RestPose, pin: Pin) -> tuple[float, float] | None:
+def gap_of(pose: RestPose, pin: LoopPin) -> tuple[float, float] | None:
     """The distance of a pin from the geoms of its body, and the size of these [m].
 
     None for the ground, a mocap body, and a body without geoms.  Bodies without joints between them
@@ -152,7 +152,7 @@ class FreeEnd:
     place: Array
 
 
-def judge_free_ends(pose: RestPose) -> Iterator[Finding]:
+def judge_free_ends(pose: RestPose) -> Iterator[ModelFinding]:
     """Ends of bars of two bodies that coincide, though nothing joins them."""
     model, data = pose.model, pose.data
     group, joined = model.body_weldid, coupled_bodies(pose)
@@ -167,14 +167,14 @@ def judge_free_ends(pose: RestPose) -> Iterator[Finding]:
             or group[model.body_parentid[other.body]] == one.body
             or {one.body, other.body} <= joined
             or np.linalg.norm(one.place - other.place)
-            > COINCIDENT_SHARE * model.geom_rbound[bars].min()
+            > COINCIDENT_ENDS_SHARE * model.geom_rbound[bars].min()
             or np.linalg.norm(np.diff(data.geom_xpos[bars], axis=0))
             < APART_SHARE * model.stat.extent
         ):
             continue
         told.add(pair)
         first, second = (pose.element("body", body) for body in (one.body, other.body))
-        yield Finding(
+        yield ModelFinding(
             FindingKind.FREE_ENDS,
             Severity.WARNING,
             f"the free ends of {first} and {second} coincide, and nothing joins them",

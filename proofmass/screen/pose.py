@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from proofmass.base.arrays import Array, Index
-from proofmass.screen.finding import Element
+from proofmass.screen.finding import NamedElement
 
 RANK_SHARE = 1e-6
 """Least singular value of independent constraints, as a share of the largest.  Shipped and public
@@ -38,16 +38,16 @@ class RestPose:
     ----------
     model : MjModel
     qpos : ndarray (nq,)
-        The pose [rad and m].
+        The pose [rad or m].
     ctrl, act : ndarray
-        Controls and activations [their units].
+        Controls and activations [SI].
 
     Attributes
     ----------
     model, data : MjModel, MjData
         A copy of the model without contacts and dry friction, and its state.
     qpos : ndarray (nq,)
-        The pose; methods that go elsewhere return to it.
+        The pose [rad or m]; it stays where methods enter other poses.
     """
 
     def __init__(self, model: mujoco.MjModel, qpos: Array, ctrl: Array, act: Array) -> None:
@@ -71,13 +71,13 @@ class RestPose:
         mujoco.mj_fwdActuation(self.model, self.data)
 
     def moved(self, change: Array) -> Array:
-        """The pose (nq,) after a change (nv,) of the coordinates [rad and m]."""
+        """The pose (nq,) after a change (nv,) of the coordinates [rad or m]."""
         qpos = self.qpos.copy()
         mujoco.mj_integratePos(self.model, qpos, change, 1.0)
         return qpos
 
     def change_to(self, qpos: Array) -> Array:
-        """The change (nv,) of the coordinates that leads from the pose to another [rad and m]."""
+        """The change (nv,) of the coordinates that leads from the pose to another [rad or m]."""
         change = np.zeros(self.model.nv)
         mujoco.mj_differentiatePos(self.model, change, 1.0, self.qpos, qpos)
         return change
@@ -144,11 +144,11 @@ class RestPose:
         self.enter(self.qpos)
         return self.constraints.violation
 
-    def element(self, kind: str, number: int) -> Element:
+    def element(self, kind: str, number: int) -> NamedElement:
         """An element of the model by its number."""
         return named_element(self.model, kind, number)
 
-    def joint_of(self, coordinate: int) -> Element:
+    def joint_of(self, coordinate: int) -> NamedElement:
         """The joint of a coordinate."""
         return self.element("joint", int(self.model.dof_jntid[coordinate]))
 
@@ -159,7 +159,7 @@ class Constraints:
     Parameters
     ----------
     rows : ndarray (rows, nv)
-        Their Jacobian.
+        Their Jacobian [SI].
     residuals : ndarray (rows,)
         [m or rad]
     equalities : ndarray of int (rows,)
@@ -214,7 +214,7 @@ class Constraints:
         return Constraints(self.rows[kept], self.residuals[kept], self.equalities[kept])
 
 
-def named_element(model: mujoco.MjModel, kind: str, number: int) -> Element:
+def named_element(model: mujoco.MjModel, kind: str, number: int) -> NamedElement:
     """An element of a model by its number: its name, or the number if it has none."""
     object_type = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
-    return Element(kind, mujoco.mj_id2name(model, object_type, number) or str(number))
+    return NamedElement(kind, mujoco.mj_id2name(model, object_type, number) or str(number))

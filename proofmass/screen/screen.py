@@ -12,11 +12,10 @@ import mujoco
 import numpy as np
 
 from proofmass.base.wording import number
-from proofmass.screen.change_points import MAX_COORDINATES as MAX_COORDINATES_OF_A_WAY
-from proofmass.screen.change_points import judge_change_points
+from proofmass.screen.change_points import COORDINATES_OF_A_WAY, judge_change_points
 from proofmass.screen.creep import judge_creep
-from proofmass.screen.finding import Finding, FindingKind, Severity
-from proofmass.screen.linear import LinearMotion, Mode
+from proofmass.screen.finding import FindingKind, ModelFinding, Severity
+from proofmass.screen.linear import LinearMotion, VibrationMode
 from proofmass.screen.loops import judge_closing, judge_openings
 from proofmass.screen.mobility import Mobility, find_mobility, judge_mobility
 from proofmass.screen.pins import judge_free_ends, judge_pins
@@ -27,7 +26,7 @@ from proofmass.screen.start_checks import judge_sensors, judge_start
 from proofmass.screen.steps import StableSteps, find_stable_steps, judge_steps
 from proofmass.sim.mjcf import collected_warnings, compile_model
 
-MAX_COORDINATES = 300
+LINEARISED_UP_TO = 300
 """Coordinates up to which a motion is linearised; 300 take about 10 s."""
 AT_REST = 1e-6
 """Largest acceleration of an equilibrium [SI]."""
@@ -45,19 +44,19 @@ class Screen:
         The name of its file, or ``model``.
     mobility : Mobility or None
         None for a model without joints, or whose start is not finite.
-    modes : tuple of Mode
+    modes : tuple of VibrationMode
         Of the motion about the start pose, the fastest first.
     steps : StableSteps or None
         None if the motion was not linearised.
-    findings : tuple of Finding
+    findings : tuple of ModelFinding
         The worst first.
     """
 
     model: str
     mobility: Mobility | None = None
-    modes: tuple[Mode, ...] = ()
+    modes: tuple[VibrationMode, ...] = ()
     steps: StableSteps | None = None
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[ModelFinding, ...] = ()
 
     @property
     def worst(self) -> Severity | None:
@@ -127,11 +126,11 @@ def screen_motion(model: mujoco.MjModel, name: str, key: int, data: mujoco.MjDat
     mobility = find_mobility(pose)
     findings += judge_mobility(pose, mobility)
     findings += [*judge_pins(pose), *judge_free_ends(pose)]
-    if mobility.has_one_way and model.nv <= MAX_COORDINATES_OF_A_WAY:
+    if mobility.has_one_way and model.nv <= COORDINATES_OF_A_WAY:
         findings += judge_change_points(pose)
-    modes: tuple[Mode, ...] = ()
+    modes: tuple[VibrationMode, ...] = ()
     steps: StableSteps | None = None
-    if model.nv <= MAX_COORDINATES:
+    if model.nv <= LINEARISED_UP_TO:
         motion = LinearMotion(pose)
         modes = tuple(motion.modes())
         steps = find_stable_steps(model, key, pose, motion)
@@ -151,11 +150,11 @@ def start_key(model: mujoco.MjModel) -> int:
     return named if named >= 0 else min(0, model.nkey - 1)
 
 
-def judge_modes(modes: tuple[Mode, ...], data: mujoco.MjData) -> Iterator[Finding]:
+def judge_modes(modes: tuple[VibrationMode, ...], data: mujoco.MjData) -> Iterator[ModelFinding]:
     """An equilibrium that the model leaves by itself."""
     growth = max((mode.rate.real for mode in modes), default=0.0)
     if growth > LEAST_GROWTH and np.abs(data.qacc).max() < AT_REST:
-        yield Finding(
+        yield ModelFinding(
             FindingKind.UNSTABLE_REST,
             Severity.WARNING,
             "the start is an unstable equilibrium, which the model leaves with a time constant of "
@@ -165,9 +164,9 @@ def judge_modes(modes: tuple[Mode, ...], data: mujoco.MjData) -> Iterator[Findin
         )
 
 
-def nothing_to_move() -> Finding:
+def nothing_to_move() -> ModelFinding:
     """The finding of a model without joints."""
-    return Finding(
+    return ModelFinding(
         FindingKind.NOTHING_MOVES,
         Severity.FAULT,
         "no joint: nothing can move",
@@ -175,9 +174,9 @@ def nothing_to_move() -> Finding:
     )
 
 
-def not_finite() -> Finding:
+def not_finite() -> ModelFinding:
     """The finding of a start with positions or accelerations that are not finite."""
-    return Finding(
+    return ModelFinding(
         FindingKind.NOT_FINITE,
         Severity.FAULT,
         "positions or accelerations of the start are not finite",
@@ -185,9 +184,9 @@ def not_finite() -> Finding:
     )
 
 
-def nothing_moves() -> Finding:
+def nothing_moves() -> ModelFinding:
     """The finding of a model that stands still."""
-    return Finding(
+    return ModelFinding(
         FindingKind.NOTHING_MOVES,
         Severity.WARNING,
         "nothing moves from this start",

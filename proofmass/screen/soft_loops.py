@@ -7,7 +7,7 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.base.wording import number
-from proofmass.screen.finding import Finding, FindingKind, Severity
+from proofmass.screen.finding import FindingKind, ModelFinding, Severity
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.mobility import equality_element
 from proofmass.screen.pose import named_element
@@ -15,13 +15,13 @@ from proofmass.screen.start_checks import HINGE, SLIDE, joint_unit
 
 GIVEN_SHARE = 1e-3
 """Share of the model's extent by which a loop gives way that is told."""
-MAX_ITERATIONS = 20
+STOP_ITERATIONS = 20
 """Iterations of the depth of a stop, whose stiffness depends on it."""
 PAST_RANGE = 1e-6
 """Distance of a servo's target beyond a stop that is told [rad or m]."""
 
 
-def judge_soft_loops(model: mujoco.MjModel, motion: LinearMotion) -> Iterator[Finding]:
+def judge_soft_loops(model: mujoco.MjModel, motion: LinearMotion) -> Iterator[ModelFinding]:
     """The loop that gives way most: a force l on a row opens it by |l| R / (k I)."""
     count = motion.multipliers.size
     if not count:
@@ -31,7 +31,7 @@ def judge_soft_loops(model: mujoco.MjModel, motion: LinearMotion) -> Iterator[Fi
     worst = int(np.argmax(given))
     if given[worst] > GIVEN_SHARE * model.stat.extent:
         element = equality_element(motion.pose, int(motion.pose.constraints.equalities[worst]))
-        yield Finding(
+        yield ModelFinding(
             FindingKind.SOFT_LOOP,
             Severity.WARNING,
             f"{element} gives way by {number(float(given[worst]))} m or rad under the load of the "
@@ -42,7 +42,7 @@ def judge_soft_loops(model: mujoco.MjModel, motion: LinearMotion) -> Iterator[Fi
         )
 
 
-def judge_stops(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
+def judge_stops(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
     """Position servos whose targets lie beyond the stops of their joints.
 
     At rest the servo's force g^2 kp (over - r) equals that of the soft stop, which `stop_stiffness`
@@ -63,11 +63,11 @@ def judge_stops(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]
         if over <= PAST_RANGE:
             continue
         given = over
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(STOP_ITERATIONS):
             given = over / (1.0 + stop_stiffness(model, j, given) / (gear**2 * gain))
         actuator, joint = named_element(model, "actuator", a), named_element(model, "joint", j)
         unit = joint_unit(model, j)
-        yield Finding(
+        yield ModelFinding(
             FindingKind.STOP,
             Severity.WARNING,
             f"{actuator} pulls {joint} to a target {number(over)} {unit} past its range: the soft "

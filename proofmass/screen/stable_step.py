@@ -27,7 +27,7 @@ from proofmass.screen.linear import LinearMotion
 
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
 """The integrators whose limits are computed.  `discrete` is implicit in springs as well."""
-OUTSIDE = 1.001
+OUTSIDE_CIRCLE = 1.001
 """Length of an eigenvalue [1] that counts as outside the unit circle; with 1.0001 limits are lower
 by 0.1 %."""
 GROWING = 1e-5
@@ -36,20 +36,19 @@ FASTER = 1.05
 """Factor by which a step may exaggerate the fastest growth of the motion itself."""
 LIMIT_SHARE = 1e-3
 """Width of the bracket of a limit, as a share of it."""
-SCAN_FACTOR = 1.3
-"""Factor between the steps that are tried until one is unstable."""
+SCAN_FACTOR, COARSE_SCAN_FACTOR, FINE_SCAN_UP_TO = 1.3, 2.0, 40
+"""Factors between the steps that are tried until one is unstable: with more coordinates than the
+third number, each try takes long, and the second factor is taken."""
 LONGEST_STEP, LONGEST_RATIO = 1.0, 50.0
 """Limits beyond 1 s, or 50 of the model's own steps, count as none."""
 FIRST_PHASE, LEAST_RATE = 0.5, 1e-3
 """The first step that is tried times the largest rate [1], and the least such rate [1/s]."""
 BEYOND = 1.01
 """The mode that breaks is that of a step this much beyond the limit [1]."""
-CURE_MARGIN = 1.3
-"""Armature that is proposed, over what the linear count gives [1]."""
 
 
 @dataclass(frozen=True)
-class Limit:
+class StepLimit:
     """The largest stable step of an integrator.
 
     Attributes
@@ -58,12 +57,41 @@ class Limit:
     step : float
         [s]; infinite if no step up to a second is unstable.
     shape : ndarray (nv,) or None
-        The mode that breaks, complex.
+        The mode that breaks, complex [1].
     """
 
     integrator: str
     step: float
     shape: Array | None = None
+
+
+class Flow:
+    """The linearised motion (x, v)' = A (x, v) with soft rows of some stiffness.
+
+    Parameters
+    ----------
+    motion : LinearMotion
+    stiffness, damping, weights : ndarray (rows,)
+        Of the soft rows [SI].
+
+    Attributes
+    ----------
+    matrix : ndarray (2 nv, 2 nv)
+        A [SI].
+    rates : ndarray (2 nv,)
+        Its eigenvalues [1/s].
+    """
+
+    def __init__(
+        self, motion: LinearMotion, stiffness: Array, damping: Array, weights: Array
+    ) -> None:
+        soft, nv = motion.soft_rows, motion.masses.shape[0]
+        weighted = soft.T * weights
+        added = [weighted * stiffness @ soft, weighted * damping @ soft]
+        forces = np.hstack([motion.stiffness, motion.damping]) + np.hstack(added)
+        answers = np.linalg.solve(motion.masses + weighted @ soft, forces)
+        self.matrix = np.vstack([np.eye(nv, 2 * nv, nv), -answers])
+        self.rates = np.linalg.eigvals(self.matrix)
 
 
 class StepMatrices:
@@ -84,28 +112,19 @@ class StepMatrices:
             "implicitfast": (motion.own_damping + motion.own_damping.T) / 2.0,
             "implicit": motion.damping,
         }
-        self.hard_flow: Array | None = None
+        self.flows: dict[bytes, Flow] = {}
 
-    def flow(self, step: float) -> Array:
-        """The matrix (2 nv, 2 nv) of (x, v)' for soft rows as they are with a time step."""
-        motion, soft = self.motion, self.motion.soft_rows
-        if self.hard_flow is not None:
-            return self.hard_flow
-        nv = motion.masses.shape[0]
-        masses, forces = motion.masses, np.hstack([motion.stiffness, motion.damping])
-        if soft.size:
-            stiffness, damping, weights = motion.softness(step)
-            weighted = soft.T * weights
-            added = [weighted * stiffness @ soft, weighted * damping @ soft]
-            masses, forces = masses + weighted @ soft, forces + np.hstack(added)
-        matrix = np.vstack([np.eye(nv, 2 * nv, nv), -np.linalg.solve(masses, forces)])
-        if not soft.size:
-            self.hard_flow = matrix
-        return matrix
+    def flow(self, step: float) -> "Flow":
+        """The motion with soft rows as they are with a time step; it is kept while they are."""
+        softness = self.motion.softness(step)
+        key = np.concatenate(softness).tobytes()
+        if key not in self.flows:
+            self.flows[key] = Flow(self.motion, *softness)
+        return self.flows[key]
 
     def step(self, integrator: str, step: float) -> Array:
         """The matrix (2 nv, 2 nv) that one step applies to (x, v)."""
-        flow = self.flow(step)
+        flow = self.flow(step).matrix
         nv = flow.shape[0] // 2
         if integrator == "RK4":
             matrix = np.eye(2 * nv)
@@ -119,28 +138,30 @@ class StepMatrices:
 
     def is_unstable(self, integrator: str, step: float) -> bool:
         """Whether a step grows in more ways, or faster, than the motion itself."""
-        exponents = step * np.linalg.eigvals(self.flow(step))
+        exponents = step * self.flow(step).rates
         growth = np.exp(np.clip(exponents.real, -50.0, 50.0))
         stepped = np.abs(
             1 + exponents * (1 + exponents / 2 * (1 + exponents / 3 * (1 + exponents / 4)))
             if integrator == "RK4"
             else np.linalg.eigvals(self.step(integrator, step))
         )
-        more = int((stepped > OUTSIDE).sum()) > int((growth > 1.0 + GROWING).sum())
+        more = int((stepped > OUTSIDE_CIRCLE).sum()) > int((growth > 1.0 + GROWING).sum())
         return more or bool(stepped.max() > FASTER * max(growth.max(), 1.0))
 
-    def limit(self, integrator: str, own: float) -> Limit:
+    def limit(self, integrator: str, own: float) -> StepLimit:
         """The largest stable step, searched from far below; `own` is the model's step [s]."""
-        fastest = float(np.abs(np.linalg.eigvals(self.flow(own))).max(initial=0.0))
+        fastest = float(np.abs(self.flow(own).rates).max(initial=0.0))
+        count = self.motion.masses.shape[0]
+        factor = SCAN_FACTOR if count <= FINE_SCAN_UP_TO else COARSE_SCAN_FACTOR
         holds, breaks = 0.0, min(FIRST_PHASE / max(fastest, LEAST_RATE), own)
         while not self.is_unstable(integrator, breaks):
-            holds, breaks = breaks, SCAN_FACTOR * breaks
+            holds, breaks = breaks, factor * breaks
             if breaks > max(LONGEST_STEP, LONGEST_RATIO * own):
-                return Limit(integrator, inf)
+                return StepLimit(integrator, inf)
         while breaks - holds > LIMIT_SHARE * breaks:
             middle = 0.5 * (holds + breaks)
             unstable = self.is_unstable(integrator, middle)
             holds, breaks = (holds, middle) if unstable else (middle, breaks)
         values, vectors = np.linalg.eig(self.step(integrator, BEYOND * breaks))
         worst = vectors[: self.motion.masses.shape[0], int(np.argmax(np.abs(values)))]
-        return Limit(integrator, breaks, worst)
+        return StepLimit(integrator, breaks, worst)

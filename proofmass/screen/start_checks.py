@@ -7,10 +7,10 @@ import numpy as np
 
 from proofmass.base.wording import format_count, format_list, number
 from proofmass.screen.breaking_mode import moment_arms
-from proofmass.screen.finding import Element, Finding, FindingKind, Severity
+from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
 from proofmass.screen.pose import named_element
 
-OUTSIDE = 1e-6
+OUTSIDE_RANGE = 1e-6
 """Distance of a joint from its range that is told [rad or m]."""
 INERTIA_SHARE = 1e-6
 """Share by which two principal moments of inertia may be less than the third."""
@@ -28,7 +28,7 @@ MAX_NAMES = 4
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
-def judge_start(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
+def judge_start(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
     """All that is noticed of the start state of a model as it is."""
     yield from judge_ranges(model, data)
     yield from judge_masses(model)
@@ -43,15 +43,15 @@ def joint_unit(model: mujoco.MjModel, joint: int) -> str:
     return "rad" if model.jnt_type[joint] == HINGE else "m"
 
 
-def judge_ranges(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
+def judge_ranges(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
     """Joints that start outside their ranges."""
     for j in range(model.njnt):
         if not model.jnt_limited[j] or model.jnt_type[j] not in (HINGE, SLIDE):
             continue
         place, (low, high) = data.qpos[model.jnt_qposadr[j]], model.jnt_range[j]
-        if (outside := float(max(low - place, place - high))) > OUTSIDE:
+        if (outside := float(max(low - place, place - high))) > OUTSIDE_RANGE:
             joint = named_element(model, "joint", j)
-            yield Finding(
+            yield ModelFinding(
                 FindingKind.RANGE,
                 Severity.WARNING,
                 f"{joint} starts {number(outside)} {joint_unit(model, j)} outside its range: its "
@@ -62,7 +62,7 @@ def judge_ranges(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding
             )
 
 
-def judge_masses(model: mujoco.MjModel) -> Iterator[Finding]:
+def judge_masses(model: mujoco.MjModel) -> Iterator[ModelFinding]:
     """Moving bodies whose masses are far apart; bodies without joints between them are one."""
     group = np.asarray(model.body_weldid)
     masses = np.bincount(group, model.body_mass, minlength=model.nbody)
@@ -72,7 +72,7 @@ def judge_masses(model: mujoco.MjModel) -> Iterator[Finding]:
     light, heavy = min(moving, key=lambda b: masses[b]), max(moving, key=lambda b: masses[b])
     if (ratio := float(masses[heavy] / masses[light])) > MASS_RATIO:
         element = named_element(model, "body", light)
-        yield Finding(
+        yield ModelFinding(
             FindingKind.MASS,
             Severity.WARNING,
             f"{named_element(model, 'body', heavy)} has {number(ratio, 2)} times the mass of "
@@ -83,13 +83,13 @@ def judge_masses(model: mujoco.MjModel) -> Iterator[Finding]:
         )
 
 
-def judge_inertias(model: mujoco.MjModel) -> Iterator[Finding]:
+def judge_inertias(model: mujoco.MjModel) -> Iterator[ModelFinding]:
     """Principal moments of inertia that no body can have."""
     for b in range(1, model.nbody):
         small, middle, large = np.sort(model.body_inertia[b])
         if small + middle < large * (1.0 - INERTIA_SHARE):
             body = named_element(model, "body", b)
-            yield Finding(
+            yield ModelFinding(
                 FindingKind.INERTIA,
                 Severity.WARNING,
                 f"{body} has principal moments of inertia that no body can have, {number(small)}, "
@@ -100,7 +100,7 @@ def judge_inertias(model: mujoco.MjModel) -> Iterator[Finding]:
             )
 
 
-def judge_axes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
+def judge_axes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
     """Three hinges of a body that are near gimbal lock at the start."""
     for b in range(1, model.nbody):
         first = model.body_jntadr[b]
@@ -111,7 +111,7 @@ def judge_axes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
             continue
         if (volume := abs(float(np.linalg.det(data.xaxis[joints])))) < GIMBAL_LOCK:
             body = named_element(model, "body", b)
-            yield Finding(
+            yield ModelFinding(
                 FindingKind.GIMBAL,
                 Severity.WARNING,
                 f"the three hinges of {body} are near gimbal lock: the box of their axes has a "
@@ -122,7 +122,7 @@ def judge_axes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
             )
 
 
-def judge_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
+def judge_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
     """Geoms that begin in contact."""
     touching = [contact for contact in data.contact[: data.ncon] if contact.dist < -TOUCHING]
     if not touching:
@@ -131,7 +131,7 @@ def judge_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Findi
     one, other = (named_element(model, "geom", int(g)) for g in deepest.geom)
     depth = -float(deepest.dist)
     deep = depth > DEEP_SHARE * model.stat.extent
-    yield Finding(
+    yield ModelFinding(
         FindingKind.CONTACT,
         Severity.WARNING if deep else Severity.NOTE,
         f"{format_count(len(touching), 'contact')} at the start, the deepest by {number(depth)} m, "
@@ -142,7 +142,7 @@ def judge_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Findi
     )
 
 
-def judge_actuators(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Finding]:
+def judge_actuators(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
     """Actuators that move nothing."""
     arms = moment_arms(data)
     for a in range(model.nu):
@@ -158,16 +158,16 @@ def judge_actuators(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Find
             yield without_effect(actuator, "its gain is 0")
 
 
-def without_effect(actuator: Element, why: str) -> Finding:
+def without_effect(actuator: NamedElement, why: str) -> ModelFinding:
     """The finding of an actuator without effect."""
-    return Finding(
+    return ModelFinding(
         FindingKind.ACTUATOR, Severity.NOTE, f"{actuator} moves nothing: {why}", element=actuator
     )
 
 
 def judge_sensors(
     model: mujoco.MjModel, start: mujoco.MjData, later: mujoco.MjData
-) -> Iterator[Finding]:
+) -> Iterator[ModelFinding]:
     """Sensors whose values are the same in two states of a model that moves."""
     still = [
         named_element(model, "sensor", s)
@@ -178,7 +178,7 @@ def judge_sensors(
     if still:
         names = format_list(element.name for element in still[:MAX_NAMES])
         more = f" and {len(still) - MAX_NAMES} more" if len(still) > MAX_NAMES else ""
-        yield Finding(
+        yield ModelFinding(
             FindingKind.SENSOR,
             Severity.NOTE,
             f"{len(still)} of {model.nsensor} sensors do not change: {names}{more}",

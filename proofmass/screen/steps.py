@@ -9,7 +9,7 @@ import mujoco
 
 from proofmass.base.wording import format_list, number
 from proofmass.screen.breaking_mode import BreakingMode, find_breaking_mode
-from proofmass.screen.finding import Finding, FindingKind, Severity
+from proofmass.screen.finding import FindingKind, ModelFinding, Severity
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.pose import RestPose
 from proofmass.screen.short_run import Course, breaks, follow
@@ -22,10 +22,11 @@ INTEGRATOR_NAMES = {
     mujoco.mjtIntegrator.mjINT_IMPLICITFAST: "implicitfast",
 }
 ALL_INTEGRATORS_UP_TO = 60
-"""Coordinates up to which the limits of all integrators are computed, not only the model's."""
+"""Coordinates up to which the limits of all integrators are computed, not only the model's, and
+those of poses on the way, not only those of the start."""
 SAFE_SHARE = 0.8
 """Proposed step over the largest stable one [1]."""
-CURE_MARGIN = 1.3
+ARMATURE_MARGIN = 1.3
 """Proposed armature over what the linear count gives [1]."""
 CLOSE_RATIO = 0.5
 """Share of the largest stable step from which the model's own is told to be close to it."""
@@ -33,7 +34,7 @@ LOWER_SHARE = 0.95
 """Share of the limit of the start pose below which a limit on the way is told."""
 ARMATURE_FACTORS = 1.0, 2.0, 4.0, 8.0
 """Multiples of the armature of the linear count that are tried."""
-WORTHWHILE = 1.25
+WORTHWHILE_STEP = 1.25
 """Limit of another integrator over the model's own step [1] from which it is proposed."""
 
 
@@ -87,7 +88,8 @@ def find_stable_steps(
     limits = {name: matrices.limit(name, own) for name in wanted if name}
     mine = limits.get(integrator)
     course = follow(model, key, min(own, 0.5 * mine.step) if mine else own)
-    way = list(limits_on_the_way(pose, course, integrator)) if mine else []
+    few = model.nv <= ALL_INTEGRATORS_UP_TO
+    way = list(limits_on_the_way(pose, course, integrator)) if mine and few else []
     way_limit, way_time = min(way, default=(inf, 0.0))
     breaking = find_breaking_mode(matrices, mine) if mine and mine.shape is not None else None
     return StableSteps(
@@ -127,7 +129,7 @@ def why_about(model: mujoco.MjModel, course: Course) -> Iterator[str]:
         yield "plugins or flexes"
 
 
-def judge_steps(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator[Finding]:
+def judge_steps(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator[ModelFinding]:
     """What is noticed of the model's own step."""
     if isinf(found.limit):
         return
@@ -137,7 +139,7 @@ def judge_steps(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator
         else:
             yield not_confirmed(found)
     elif found.ratio > CLOSE_RATIO:
-        yield Finding(
+        yield ModelFinding(
             FindingKind.STABLE_STEP,
             Severity.NOTE,
             f"{describe_ratio(found)}, which is set{describe_cause(found)}",
@@ -146,9 +148,9 @@ def judge_steps(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator
         )
 
 
-def too_long(model: mujoco.MjModel, key: int, found: StableSteps) -> Finding:
+def too_long(model: mujoco.MjModel, key: int, found: StableSteps) -> ModelFinding:
     """The finding of a step that is unstable, in theory and in a run."""
-    return Finding(
+    return ModelFinding(
         FindingKind.STABLE_STEP,
         Severity.FAULT,
         f"{describe_ratio(found)}: the model blows up{describe_cause(found)}",
@@ -158,10 +160,10 @@ def too_long(model: mujoco.MjModel, key: int, found: StableSteps) -> Finding:
     )
 
 
-def not_confirmed(found: StableSteps) -> Finding:
+def not_confirmed(found: StableSteps) -> ModelFinding:
     """The finding of a step that is unstable in theory, but not in a run of a second."""
     why = format_list(found.about) or "a limit that is reached later"
-    return Finding(
+    return ModelFinding(
         FindingKind.STABLE_STEP,
         Severity.NOTE,
         f"{describe_ratio(found)} of the motion about the start pose; a run of a second does not "
@@ -175,7 +177,7 @@ def cures(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator[str]:
     """What makes the model stable: a step, an integrator, an armature."""
     yield f'timestep="{SAFE_SHARE * found.limit:.2g}"'
     for name, limit in found.limits.items():
-        if name != found.integrator and limit > WORTHWHILE * found.own:
+        if name != found.integrator and limit > WORTHWHILE_STEP * found.own:
             upto = "at any step" if isinf(limit) else f"up to {format_seconds(limit)}"
             yield f'integrator="{name}" (stable {upto})'
     if found.breaking and (armature := curing_armature(model, key, found)):
@@ -190,7 +192,7 @@ def curing_armature(model: mujoco.MjModel, key: int, found: StableSteps) -> floa
     """
     assert found.breaking is not None
     needed = found.ratio if found.breaking.cause.is_damping else found.ratio**2
-    extra = CURE_MARGIN * found.breaking.mass * (needed - 1.0)
+    extra = ARMATURE_MARGIN * found.breaking.mass * (needed - 1.0)
     for factor in ARMATURE_FACTORS:
         cured = copy.copy(model)
         armature = cured.dof_armature[found.breaking.coordinate] + factor * extra

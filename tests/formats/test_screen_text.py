@@ -76,7 +76,8 @@ def test_result_has_a_finding_of_a_kind(exploding, kinds, code):
 def test_check_fails_on_a_kind_of_finding_and_names_the_kinds_there_are(tmp_path):
     model = tmp_path / "brake.xml"  # self-consistent, exit code 0, though its joint creeps
     model.write_text(
-        '<mujoco><worldbody><body><joint axis="0 1 0" frictionloss="20"/>'
+        '<mujoco><worldbody><body><joint axis="0 1 0" frictionloss="20" '
+        'solimpfriction="0.9 0.9 0.001"/>'
         '<geom size=".001" pos="1 0 0" mass="1"/></body></worldbody></mujoco>',
         encoding="utf-8",
     )
