@@ -11,14 +11,14 @@ from proofmass.base.arrays import Array
 
 SECONDS = 1.0
 """Duration of a run that confirms a claim [s]."""
-MAX_SHORT_STEPS = 20_000
+STEPS_OF_A_SHORT_RUN = 20_000
 """Largest number of steps of such a run; a finer step confirms a shorter time."""
 BAD = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
     mujoco.mjtWarning.mjWARN_BADQACC,
 )
-START_DISTANCE = 1e-7
+DISTANCE_OF_STARTS = 1e-7
 """Distance of the starts of two runs [rad or m]: rounding grows to it in no run of a second."""
 GROWTH_RATIO = 100.0
 """Growth of the distance of two runs, over the growth with a step an eighth as long, from which a
@@ -82,9 +82,9 @@ class Course:
 
 
 def follow(model: mujoco.MjModel, key: int, step: float) -> Course:
-    """Run a model with a step, for a second or `MAX_SHORT_STEPS` steps."""
+    """Run a model with a step, for a second or `STEPS_OF_A_SHORT_RUN` steps."""
     data, calm = start_of(model, key), with_step(model, step)
-    count = int(min(MAX_SHORT_STEPS, max(4, np.ceil(SECONDS / step))))
+    count = int(min(STEPS_OF_A_SHORT_RUN, max(4, np.ceil(SECONDS / step))))
     poses = list[tuple[float, Array]]()
     touches = set(touched(data))
     for k in range(1, count + 1):
@@ -122,17 +122,17 @@ def grown_distance(model: mujoco.MjModel, key: int, step: float) -> tuple[float,
     changed = with_step(model, step)
     one, two = start_of(model, key), start_of(model, key)
     disturbance = np.random.default_rng(2).normal(size=model.nv)
-    disturbance *= START_DISTANCE / max(np.abs(disturbance).max(initial=0.0), 1e-300)
+    disturbance *= DISTANCE_OF_STARTS / max(np.abs(disturbance).max(initial=0.0), 1e-300)
     mujoco.mj_integratePos(model, two.qpos, disturbance, 1.0)
     largest, apart = 0.0, np.zeros(model.nv)
-    for _ in range(int(min(MAX_SHORT_STEPS, np.ceil(SECONDS / step)))):
+    for _ in range(int(min(STEPS_OF_A_SHORT_RUN, np.ceil(SECONDS / step)))):
         mujoco.mj_step(changed, one)
         mujoco.mj_step(changed, two)
         if has_failed(one) or has_failed(two):
             return largest, True
         mujoco.mj_differentiatePos(model, apart, 1.0, one.qpos, two.qpos)
         largest = max(largest, float(np.abs(apart).max(initial=0.0)))
-    return largest / START_DISTANCE, False
+    return largest / DISTANCE_OF_STARTS, False
 
 
 def first_motion(model: mujoco.MjModel, key: int) -> tuple[mujoco.MjData, bool]:
@@ -149,7 +149,7 @@ def drift(model: mujoco.MjModel, key: int) -> tuple[Array, float]:
     """The change (nv,) of the coordinates in a run as the model is, and its duration [s]."""
     data = start_of(model, key)
     start, moved = data.qpos.copy(), np.zeros(model.nv)
-    for _ in range(int(min(MAX_SHORT_STEPS, np.ceil(SECONDS / model.opt.timestep)))):
+    for _ in range(int(min(STEPS_OF_A_SHORT_RUN, np.ceil(SECONDS / model.opt.timestep)))):
         mujoco.mj_step(model, data)
         if has_failed(data):
             break

@@ -85,7 +85,7 @@ def test_check_fails_on_a_kind_of_finding_and_names_the_kinds_there_are(tmp_path
     assert invoke(app, ["check", str(model)]).exit_code == 0
     failing = invoke(app, ["check", str(model), "--fail-on", "open-loop, creep"])
     assert failing.exit_code == 1
-    assert "creeps with 0.0981 rad/s" in failing.output  # (1 - d) g T / (2 l), d = 0.9, T = 0.02 s
+    assert "creeps with 9.81e-3 rad/s" in failing.output  # (1 - d) g T / (2 l), d = 0.9, T = 0.02 s
     wrong = invoke(app, ["check", str(model), "--fail-on", "creeping"])
     assert wrong.exit_code == 2
     assert "no kind of finding creeping; there are: not-finite" in " ".join(wrong.output.split())
