@@ -60,6 +60,15 @@ class LineIndex:
                     return number
         return None
 
+    def line_of_element(self, file: Path, tag: str, name: str) -> int | None:
+        """The line of the element of a model with a name, of a tag if there is one of it."""
+        text = "\n".join(self.text(file))
+        named = rf"\bname\s*=\s*([\"']){re.escape(name)}\1"
+        for pattern in (rf"<{tag}\b[^>]*?{named}", rf"<\w+\b[^>]*?{named}"):
+            if found := re.search(pattern, text):
+                return text.count("\n", 0, found.start()) + 1
+        return None
+
 
 def key_parts(key: str) -> list[str]:
     """The parts of a dotted key; a quoted text is one part.

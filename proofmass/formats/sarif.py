@@ -15,11 +15,13 @@ from proofmass.base.lines import LineIndex, key_parts
 from proofmass.batch.check import Result
 from proofmass.case.case import Case
 from proofmass.formats.junit import failure_message
+from proofmass.screen.finding import FindingKind
 from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import GOOD_OUTCOMES, Outcome
 
 if TYPE_CHECKING:
     from proofmass.evidence.diagnosis import SharedCause
+    from proofmass.screen.finding import ModelFinding
 
 SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 BAD_INPUT_RULE = "bad-input"
@@ -31,7 +33,8 @@ def as_sarif(result: Result) -> str:
     """The SARIF file of a result.
 
     It has one result for each cause, at the line of the wrong value, for each run without a known
-    cause, for each input with an error, and for each case without a check.
+    cause, for each finding of a first screen, at the line of its element, for each input with an
+    error, and for each case without a check.
     """
     cases = {case.name: case for case in result.cases}
     lines = LineIndex()
@@ -49,6 +52,12 @@ def as_sarif(result: Result) -> str:
         run_result(some, cases.get(run[0]), lines)
         for run, some in rows.items()
         if run not in explained
+    ]
+    found += [
+        finding_result(screen.file, finding, lines)
+        for screen in result.screens.values()
+        if screen.file is not None
+        for finding in screen.findings
     ]
     found += [case_result(case, lines) for case in result.unchecked]
     found += [error_result(error, lines) for error in result.errors]
@@ -100,6 +109,7 @@ def rules_of(used: Iterable[str]) -> list[dict[str, Any]]:
     words = {rule_id(outcome): outcome.sentence for outcome in BAD_OUTCOMES}
     words[BAD_INPUT_RULE] = "a file is not usable: its key, line or whole is at fault"
     words[NOTHING_CHECKED] = "a case has no curve that a tolerance covers"
+    words |= {kind.value: kind.sentence for kind in FindingKind}
     return [
         {"id": name, "shortDescription": {"text": text}}
         for name, text in words.items()
@@ -164,6 +174,16 @@ def case_result(case: Case, lines: LineIndex) -> dict[str, Any]:
     )
 
 
+def finding_result(file: Path, finding: "ModelFinding", lines: LineIndex) -> dict[str, Any]:
+    """The SARIF result of a finding of a first screen, at the line of its element."""
+    element, line = finding.element, None
+    if element is not None:
+        line = lines.line_of_element(file, element.kind, element.name)
+    name = f"{file.name} {element or ''}".strip()
+    level = {"FAULT": "error", "WARNING": "warning"}.get(finding.severity.name, "note")
+    return sarif_result(finding.kind, str(finding), [location(file, line)], name, level)
+
+
 def error_result(error: InputError, lines: LineIndex) -> dict[str, Any]:
     """The SARIF result of an input with an error, at the line of its key."""
     sidecar = error.file.suffix == ".toml"
@@ -176,11 +196,13 @@ def error_result(error: InputError, lines: LineIndex) -> dict[str, Any]:
     )
 
 
-def sarif_result(rule: str, text: str, places: list[dict[str, Any]], name: str) -> dict[str, Any]:
+def sarif_result(
+    rule: str, text: str, places: list[dict[str, Any]], name: str, level: str = "error"
+) -> dict[str, Any]:
     """A SARIF result; `name` identifies it from one check to the next."""
     return {
         "ruleId": rule,
-        "level": "error",
+        "level": level,
         "message": {"text": text},
         "locations": places,
         "partialFingerprints": {"proofmass/v1": f"{rule} {name}".strip()},

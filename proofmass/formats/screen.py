@@ -23,7 +23,7 @@ MAX_FINDINGS = 12
 
 def screen_lines(screen: Screen) -> Iterator[Text]:
     """The lines of a screen: what the model is, then the findings, the worst first."""
-    yield Text(f"{screen.model}: {describe_model(screen)}", style="bold")
+    yield Text(f"{screen.name}: {describe_model(screen)}", style="bold")
     for finding in screen.findings[:MAX_FINDINGS]:
         sign, style = SIGNS[finding.severity]
         yield Text.assemble((f"  {sign} ", style), finding.text)

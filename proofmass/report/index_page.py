@@ -318,6 +318,7 @@ def render_index(
         studies=studies,
         errors=[error_message(e) for e in result.errors],
         loose=[c for c in result.comparisons if not c.channel],
+        screens=described_screens(result),
         note=note,
     )
     parts = (rows[k : k + ROWS_PER_FILE] for k in range(ROWS_PER_FILE, len(rows), ROWS_PER_FILE))
@@ -333,6 +334,15 @@ def render_index(
             for k, part in enumerate(parts, 1)
         ],
     )
+
+
+def described_screens(result: Result) -> dict[str, dict[str, Any]]:
+    """The first screens of the models without a sidecar as data, by their names."""
+    if not result.screens:
+        return {}
+    from proofmass.formats.screen import screen_data  # loads MuJoCo
+
+    return {name: screen_data(found) for name, found in result.screens.items()}
 
 
 def poses_of(picture: Thumbnail | Markup | None) -> dict[str, object] | None:

@@ -39,6 +39,35 @@ class FindingKind(StrEnum):
     UNSTABLE_REST = "unstable-rest"
     NOTHING_MOVES = "nothing-moves"
 
+    @property
+    def sentence(self) -> str:
+        """What such a finding says."""
+        return SENTENCES[self]
+
+
+SENTENCES = {
+    FindingKind.NOT_FINITE: "positions or accelerations of the start are not finite",
+    FindingKind.STABLE_STEP: "the time step is longer than the largest stable one, or close to it",
+    FindingKind.OPEN_LOOP: "a loop is open at the start",
+    FindingKind.NO_MOBILITY: "the loops leave no degree of freedom",
+    FindingKind.SINGULAR_START: "the loops depend on each other just in the start pose",
+    FindingKind.CHANGE_POINT: "bars come in line on the way",
+    FindingKind.PIN: "a pin lies outside a body that it joins",
+    FindingKind.FREE_ENDS: "free ends coincide and are not joined",
+    FindingKind.SOFT_LOOP: "a loop gives way under the load of the start",
+    FindingKind.CREEP: "a joint creeps that its friction would hold",
+    FindingKind.STOP: "the target of a servo lies beyond a stop",
+    FindingKind.RANGE: "a joint starts outside its range",
+    FindingKind.CONTACT: "geoms begin in contact",
+    FindingKind.MASS: "masses are far apart",
+    FindingKind.INERTIA: "no body can have such moments of inertia",
+    FindingKind.GIMBAL: "three hinges are near gimbal lock",
+    FindingKind.ACTUATOR: "an actuator moves nothing",
+    FindingKind.SENSOR: "a sensor does not change",
+    FindingKind.UNSTABLE_REST: "the start is an unstable equilibrium",
+    FindingKind.NOTHING_MOVES: "nothing moves from the start",
+}
+
 
 @dataclass(frozen=True)
 class NamedElement:

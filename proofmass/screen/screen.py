@@ -40,8 +40,8 @@ class Screen:
 
     Attributes
     ----------
-    model : str
-        The name of its file, or ``model``.
+    file : Path or None
+        The file of the model; None for one that was compiled before.
     mobility : Mobility or None
         None for a model without joints, or whose start is not finite.
     modes : tuple of VibrationMode
@@ -52,11 +52,16 @@ class Screen:
         The worst first.
     """
 
-    model: str
+    file: Path | None
     mobility: Mobility | None = None
     modes: tuple[VibrationMode, ...] = ()
     steps: StableSteps | None = None
     findings: tuple[ModelFinding, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The name of its file, or ``model``."""
+        return self.file.name if self.file else "model"
 
     @property
     def worst(self) -> Severity | None:
@@ -100,23 +105,25 @@ def screen_model(model: mujoco.MjModel | Path | str) -> Screen:
     """
     if isinstance(model, Path | str):
         path = Path(model)
-        return screen_compiled(compile_model(path), path.name)
-    return screen_compiled(model, "model")
+        return screen_compiled(compile_model(path), path)
+    return screen_compiled(model, None)
 
 
-def screen_compiled(model: mujoco.MjModel, name: str) -> Screen:
-    """Do what `screen_model` does with a compiled model, which gets a name."""
+def screen_compiled(model: mujoco.MjModel, file: Path | None) -> Screen:
+    """Do what `screen_model` does with a compiled model, and the file that it is from."""
     with collected_warnings():
         key = start_key(model)
         data = start_of(model, key)
         if not model.nv:
-            return Screen(name, findings=(nothing_to_move(),))
+            return Screen(file, findings=(nothing_to_move(),))
         if not (np.isfinite(data.qpos).all() and np.isfinite(data.qacc).all()):
-            return Screen(name, findings=(not_finite(),))
-        return screen_motion(model, name, key, data)
+            return Screen(file, findings=(not_finite(),))
+        return screen_motion(model, file, key, data)
 
 
-def screen_motion(model: mujoco.MjModel, name: str, key: int, data: mujoco.MjData) -> Screen:
+def screen_motion(
+    model: mujoco.MjModel, file: Path | None, key: int, data: mujoco.MjData
+) -> Screen:
     """Screen a model with joints from a start state."""
     pose = RestPose(model, data.qpos, data.ctrl, data.act)
     findings = [*judge_openings(pose), *judge_start(model, data), *judge_stops(model, data)]
@@ -141,7 +148,7 @@ def screen_motion(model: mujoco.MjModel, name: str, key: int, data: mujoco.MjDat
     later, moved = first_motion(model, key)
     findings += judge_sensors(model, data, later) if moved else [nothing_moves()]
     ordered = sorted(findings, key=lambda finding: -finding.severity)
-    return Screen(name, mobility, modes, steps, tuple(ordered))
+    return Screen(file, mobility, modes, steps, tuple(ordered))
 
 
 def start_key(model: mujoco.MjModel) -> int:

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from proofmass.batch.check import Result
 from proofmass.commands.cli import app
+from proofmass.formats.sarif import as_sarif
 from proofmass.formats.screen import describe_model, screen_data, screen_lines
 from proofmass.formats.terminal import as_json
 from proofmass.screen.finding import FindingKind
@@ -89,3 +90,18 @@ def test_check_fails_on_a_kind_of_finding_and_names_the_kinds_there_are(tmp_path
     wrong = invoke(app, ["check", str(model), "--fail-on", "creeping"])
     assert wrong.exit_code == 2
     assert "no kind of finding creeping; there are: not-finite" in " ".join(wrong.output.split())
+
+
+def test_sarif_has_a_finding_at_the_line_of_its_element(exploding):
+    found = json.loads(as_sarif(Result(screens={"pd954": exploding})))["runs"][0]
+    [result] = found["results"]
+    assert (result["ruleId"], result["level"]) == ("stable-step", "error")
+    line = result["locations"][0]["physicalLocation"]["region"]["startLine"]
+    text = (CASES / "pd954.xml").read_text(encoding="utf-8").splitlines()
+    assert '<joint name="b"' in text[line - 1]
+    assert [rule["id"] for rule in found["tool"]["driver"]["rules"]] == ["stable-step"]
+
+
+def test_each_kind_of_finding_has_a_sentence():
+    assert all(kind.sentence for kind in FindingKind)
+    assert len({kind.sentence for kind in FindingKind}) == len(FindingKind)
