@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from proofmass.run.solve import solve as solve
     from proofmass.screen.screen import screen_model as screen_model
     from proofmass.sim.protocol.curves import Curves as Curves
-    from proofmass.verdict.compare import Comparison as Comparison
     from proofmass.verdict.compare import compare as compare
+    from proofmass.verdict.comparison import Comparison as Comparison
 
     __version__: str
 
@@ -32,7 +32,7 @@ PUBLIC = {
     "Explorer": "report.explorer",
     "as_html": "report.reprs",
     "check": "batch.check",
-    "Comparison": "verdict.compare",
+    "Comparison": "verdict.comparison",
     "compare": "verdict.compare",
     "InputError": "base.errors",
     "evaluate": "reference.evaluate",

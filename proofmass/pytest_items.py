@@ -14,7 +14,6 @@ import pytest
 from proofmass.base.errors import InputError
 from proofmass.base.read_once import read_once
 from proofmass.batch.check import (
-    compare_and_share,
     diagnose_run,
     early_end_error,
     load_validated,
@@ -22,9 +21,10 @@ from proofmass.batch.check import (
     run_solver,
     run_task,
 )
+from proofmass.batch.work import compare_and_share
 from proofmass.case.case import Case
 from proofmass.evidence.diagnosis import Diagnosis, shared_causes
-from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
+from proofmass.verdict.comparison import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import FAILED_OUTCOMES, GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 from proofmass.verdict.refinement import refinement_runs
 

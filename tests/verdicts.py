@@ -5,7 +5,7 @@ from pathlib import Path
 from proofmass.batch.check import early_end_error, run_solver
 from proofmass.pytest_items import COMPARE_ONLY
 from proofmass.run.sidecar import load_case
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 
 
 def all_comparisons(sidecar: Path) -> list[Comparison]:

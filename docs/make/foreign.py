@@ -21,7 +21,8 @@ import numpy as np
 from benchmarks import command
 from proofmass.base.wording import number
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
-from proofmass.batch.check import OWN_MODEL_SAMPLES, OWN_MODEL_SECONDS, OWN_MODEL_TIMEOUT
+from proofmass.batch.check import OWN_MODEL_TIMEOUT
+from proofmass.batch.work import OWN_MODEL_SAMPLES, OWN_MODEL_SECONDS
 from proofmass.reference.self_consistency import (
     AGREEMENT_SHARE,
     PROCESSOR_SECONDS,

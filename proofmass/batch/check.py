@@ -13,23 +13,23 @@ from proofmass.base.display import ShownAsHtml
 from proofmass.base.errors import InputError, model_error
 from proofmass.base.files import readable
 from proofmass.base.grouping import group_by
-from proofmass.base.read_once import serve_model
 from proofmass.base.strict import Kind
-from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
+from proofmass.base.worker import OutOfMemory, TimedOut, call_isolated
 from proofmass.batch.pool import ClusterError, pool, size_of
+from proofmass.batch.work import (
+    check_model_here,
+    compare_and_share,
+    count_samples,
+    load_here,
+    run_and_compare,
+    validate_here,
+)
 from proofmass.case.case import Case
 from proofmass.case.inputs import MODEL_ENDING, SIDECAR_ENDING, is_of_others, names_program
-from proofmass.reference.run_reference import shared_reference
-from proofmass.reference.samples import run_samples
-from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
-from proofmass.run.sidecar import load_case
-from proofmass.run.solve import solve_here
-from proofmass.run.validate import validate_case
-from proofmass.sim.engines import engine_of
-from proofmass.sim.mjcf import NATIVE_ENGINE
+from proofmass.sim.engines import NATIVE_ENGINE
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
-from proofmass.verdict.compare import Comparison, Comparisons, compare, failed_comparisons
+from proofmass.verdict.comparison import Comparison, Comparisons, failed_comparisons
 from proofmass.verdict.outcome import (
     FAILED_OUTCOMES,
     GOOD_OUTCOMES,
@@ -54,9 +54,6 @@ LOADING_SECONDS = 60.0  # [s], the time limit of reading a sidecar
 OWN_MODEL_TIMEOUT = 900.0
 """Limit of the processor time of a model without a sidecar [s].  The solutions of its motion end by
 counts that take about `PROCESSOR_SECONDS`; on a slow machine they take up to 20 times as long."""
-OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES = 1.0, 101
-"""Length of the motion of a model without a sidecar [s], and the number of times at which two ways
-of solving it are compared."""
 SCREEN_SECONDS = 120.0
 """Limit of the processor time of a first screen [s]; the largest public models take up to 20 s."""
 CAUSES_SECONDS = 600.0
@@ -69,8 +66,8 @@ class Result(ShownAsHtml):
     """All results of a check: comparisons, their curves, diagnoses, and errors of the input.
 
     Curves, diagnoses and notes are stored by the names of case, run and solver.  Curves that were
-    compared have their reference with them, see `proofmass.reference.evaluate.ComparedCurves`;
-    they are not kept where a `CaseConsumer` took them.  `failed` has the curves of failed runs, up
+    compared have their reference with them, see `ComparedCurves`; they are not kept where a
+    `CaseConsumer` took them.  `failed` has the curves of failed runs, up
     to the failure; `notes` has the remarks on the others.  Only runs that differ or failed have a
     diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
@@ -248,7 +245,7 @@ def read_isolated(path: Path) -> Case:
         Also if reading fails in another way, or takes too long.
     """
     try:
-        return call_isolated(load_case, path, timeout=LOADING_SECONDS)
+        return call_isolated(load_here, path, timeout=LOADING_SECONDS)
     except InputError:
         raise
     except Exception as error:
@@ -257,7 +254,7 @@ def read_isolated(path: Path) -> Case:
 
 
 def load_validated(path: Path, strict: bool = False) -> Case:
-    """Read a sidecar and `validate_case` the case.
+    """Read a sidecar and validate the case.
 
     A validation that takes more time or memory than any of the runs may is no error, since the runs
     will report it; with `strict` it is an error.
@@ -270,7 +267,7 @@ def load_validated(path: Path, strict: bool = False) -> Case:
     case = read_isolated(path)
     try:
         call_isolated(
-            validate_case,
+            validate_here,
             case,
             timeout=max(run.timeout for run in case.run.values()),
             memory=max(run.memory for run in case.run.values()),
@@ -281,14 +278,6 @@ def load_validated(path: Path, strict: bool = False) -> Case:
         if strict:
             raise InputError(path, "", f"its model or its reference: {error}") from None
     return case
-
-
-def compare_and_share(
-    case: Case, kind: Kind, solver: str, curves: Curves, detectable: bool = True
-) -> Comparisons:
-    """Do what `compare` does, with the reference that the solvers of a run share in a worker."""
-    shared = shared_reference(case, kind, curves)
-    return compare(case, kind, solver, curves, detectable, shared)
 
 
 def run_solver(
@@ -327,36 +316,18 @@ def run_solver(
         return failed_comparisons(case, kind, solver, error, advice), curves
 
 
-def run_and_compare(
-    case: Case,
-    kind: Kind,
-    solver: str,
-    compare_curves: Callable[[Case, Kind, str, Curves], Comparisons],
-) -> tuple[list[Comparison], Curves]:
-    """Do what `run_solver` does, in this process; an unexpected exception becomes a crash."""
-    serve_model(case.model_path)
-    try:
-        curves = solve_here(case, kind, solver)
-        found = compare_curves(case, kind, solver, curves)
-        return list(found), found.join_reference(curves)
-    except (InputError, MemoryError):
-        raise
-    except tuple(OUTCOME_OF_EXCEPTION):
-        raise
-    except Exception as error:
-        raise Crashed(f"{type(error).__name__}: {error}") from error
-
-
 def early_end_error(
     case: Case, kind: Kind, solver: str, curves: Curves | None
 ) -> InputError | None:
     """The error of a sweep that ended early, such as at a limit position; its curves are kept."""
     if curves is None or not curves.stopped:
         return None
+    limits = case.run[kind]
+    asked = call_isolated(count_samples, case, kind, timeout=limits.timeout, memory=limits.memory)
     return case.error(
         "drive",
-        f"the {solver} {kind} ends at sample {curves.x.size} of "
-        f"{run_samples(case, kind).size}, which are kept: {curves.stopped}",
+        f"the {solver} {kind} ends at sample {curves.x.size} of {asked}, which are kept: "
+        f"{curves.stopped}",
     )
 
 
@@ -370,7 +341,7 @@ def screen_isolated(model: Path) -> "Screen | None":
 
 
 def check_bare_model(model: Path) -> list[Comparison]:
-    """Check a model without a sidecar by itself, see `proofmass.reference.self_consistency`."""
+    """Do what `check_model_here` does, in a worker; a failure is an outcome."""
     try:
         return [call_isolated(check_model_here, model, timeout=OWN_MODEL_TIMEOUT)]
     except BadModel as error:
@@ -379,43 +350,6 @@ def check_bare_model(model: Path) -> list[Comparison]:
         outcome = OUTCOME_OF_EXCEPTION[type(error)]
         one = Comparison(model.stem, NATIVE_ENGINE, "dynamics", "", "")
         return [replace(one, outcome=outcome, message=str(error))]
-
-
-def check_model_here(model: Path) -> Comparison:
-    """Do what `check_bare_model` does, in this process.
-
-    The comparison has the error of the model's own run; `at` is the time until which the motion is
-    known.
-    """
-    motion = engine_of(NATIVE_ENGINE).own_equations.solve_motion(
-        model, OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES, PROCESSOR_SECONDS
-    )
-    own = motion.runs[0]
-    found = Comparison(
-        model.stem,
-        NATIVE_ENGINE,
-        "dynamics",
-        "",
-        "m",
-        seconds=own.seconds,
-        steps=round(float(motion.times[len(own.points) - 1]) / own.step),
-        violation=float(own.gap.max(initial=0.0)),
-    )
-    if failed := why_failed(motion):
-        return replace(found, outcome=Outcome.DIVERGED, message=" ".join([failed, *motion.notes]))
-    rung = Rung(motion)
-    found = replace(found, message=" ".join([rung.words(), *motion.notes]))
-    if rung.at_rest:
-        return replace(found, outcome=Outcome.NOTHING_MOVED)
-    if not rung.consistent:
-        return replace(found, outcome=Outcome.UNCHECKED)
-    return replace(
-        found,
-        error_max=rung.error(own),
-        at=rung.until,
-        uncertainty=rung.known,
-        outcome=Outcome.SELF_CONSISTENT,
-    )
 
 
 class CaseConsumer(Protocol):

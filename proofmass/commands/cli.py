@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from proofmass.batch.check import CaseConsumer, Result
     from proofmass.case.case import Case
     from proofmass.report.pages import ReportWriter
-    from proofmass.verdict.compare import Comparison
+    from proofmass.verdict.comparison import Comparison
 
 app = typer.Typer(
     help="Compare multibody simulators with analytic references.",
@@ -93,7 +93,7 @@ def check_with_progress(
     from proofmass.batch.check import check, collect_inputs
     from proofmass.batch.pool import ClusterError
     from proofmass.case.inputs import named_files
-    from proofmass.sim.mjcf import files_of_model
+    from proofmass.sim.model_files import files_of_model
 
     found = paths or [Path("models")]
     named = [one for file in collect_inputs(found, []) for one in named_files(file)]
@@ -115,7 +115,7 @@ def check_with_progress(
 def protect_inputs(cases: Iterable["Case"], paths: Iterable[Path] = ()) -> None:
     """Let no output of this command replace a file of its cases, or a given file."""
     from proofmass.base.files import protect
-    from proofmass.run.fingerprint import input_files
+    from proofmass.run.case_files import input_files
 
     protect([*paths, *(file for case in cases for file in input_files(case))])
 

@@ -8,7 +8,7 @@ from proofmass.base.files import protect, require_replaceable
 from proofmass.batch.pool import pool
 from proofmass.commands.command import error_console, exit_on_error
 from proofmass.formats.terminal import make_console
-from proofmass.sim.mjcf import files_of_model
+from proofmass.sim.model_files import files_of_model
 from proofmass.studies.diet.diet import DietSearch, result_parts, write_result
 from proofmass.studies.diet.scene import load_scene
 from proofmass.studies.store import Store

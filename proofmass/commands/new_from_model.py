@@ -40,12 +40,8 @@ from proofmass.base.errors import InputError
 from proofmass.base.files import read_text, write_atomically
 from proofmass.base.strict import Kind
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
-from proofmass.batch.check import (
-    OWN_MODEL_SAMPLES,
-    compare_and_share,
-    read_isolated,
-    run_solver,
-)
+from proofmass.batch.check import read_isolated, run_solver
+from proofmass.batch.work import OWN_MODEL_SAMPLES, compare_and_share
 from proofmass.reference.model_run import smooth_terms
 from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.run.sidecar import DEFAULT_SAMPLES
@@ -60,11 +56,12 @@ from proofmass.sim.contents import (
     sensor_names,
     sensors_of_drive,
 )
-from proofmass.sim.engines import default_engines, engine_of
-from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
+from proofmass.sim.engines import NATIVE_ENGINE, default_engines, engine_of
+from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol.failures import BadModel, NotSolved, Unsupported
 from proofmass.sim.protocol.run import fitting_samples
-from proofmass.verdict.compare import Comparison, passes_unmoved
+from proofmass.verdict.compare import passes_unmoved
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import Outcome
 
 INSPECTION_SECONDS = 240.0

@@ -11,7 +11,7 @@ from proofmass.base.files import protect
 from proofmass.batch.check import collect_inputs, load_validated, rename_case, unique_names
 from proofmass.case.case import Case
 from proofmass.commands.command import error_console
-from proofmass.run.fingerprint import input_files
+from proofmass.run.case_files import input_files
 from proofmass.run.solve import with_computing_solvers
 
 

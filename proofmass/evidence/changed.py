@@ -27,17 +27,12 @@ from proofmass.reference.samples import run_samples
 from proofmass.run.solve import prescribed_run, solve_here
 from proofmass.sim.contents import mass, size
 from proofmass.sim.elements import Number, Source, changed_rods, compile_source, write_changes
-from proofmass.sim.mjcf import model_key
+from proofmass.sim.model_files import model_key
 from proofmass.sim.numbers import Sizes, numbers_of
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel
-from proofmass.verdict.compare import (
-    Comparison,
-    check_assembly_mode,
-    compare,
-    scale_of,
-    time_scale,
-)
+from proofmass.verdict.compare import check_assembly_mode, compare, scale_of, time_scale
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
 
 MIN_INTERVALS = 24

@@ -36,7 +36,7 @@ from proofmass.run.fingerprint import (
 )
 from proofmass.run.solve import with_computing_solvers
 from proofmass.sim.engines import NoEngine, engine_of
-from proofmass.sim.mjcf import files_of_model
+from proofmass.sim.model_files import files_of_model
 from proofmass.sim.numbers import NUMBER_KINDS
 
 CASE_LETTERS = 40  # of the name of a case; with a key they fit into the 255 bytes of a file's name

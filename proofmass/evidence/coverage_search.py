@@ -44,7 +44,7 @@ from proofmass.evidence.changed import (
 from proofmass.reference.run_reference import changeable_parameters
 from proofmass.sim.elements import NotWritten, Number
 from proofmass.sim.numbers import CHANGE_SHARE
-from proofmass.verdict.compare import failed_comparisons
+from proofmass.verdict.comparison import failed_comparisons
 from proofmass.verdict.noticed import noticed_changes, smallest_noticed
 from proofmass.verdict.outcome import FAILED_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 

@@ -10,7 +10,7 @@ from proofmass.base.errors import InputError
 from proofmass.base.files import OUTPUT_MARK
 from proofmass.base.wording import number
 from proofmass.batch.check import Result
-from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
+from proofmass.verdict.comparison import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import UNCHECKED_OUTCOMES, Outcome
 
 INVALID_CHARACTERS = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -16,7 +16,7 @@ from proofmass.batch.check import Result
 from proofmass.case.case import Case
 from proofmass.formats.junit import failure_message
 from proofmass.screen.finding import FindingKind
-from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
+from proofmass.verdict.comparison import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import GOOD_OUTCOMES, Outcome
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from rich.text import Text
 
 from proofmass.batch.check import Result, family_of
 from proofmass.case.case import Case
-from proofmass.sim.mjcf import NATIVE_ENGINE
-from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
+from proofmass.sim.engines import NATIVE_ENGINE
+from proofmass.verdict.comparison import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, UNCHECKED_OUTCOMES, Outcome
 
 if TYPE_CHECKING:

@@ -5,7 +5,8 @@ from mujoco import MjModel
 from proofmass.base.errors import model_error
 from proofmass.base.read_once import read_once
 from proofmass.case.case import Case
-from proofmass.sim.mjcf import compile_model, model_key
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.model_files import model_key
 from proofmass.sim.protocol.failures import BadModel, BadRod
 
 compile_once = read_once(model_key)(compile_model)

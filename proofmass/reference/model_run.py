@@ -18,8 +18,8 @@ from proofmass.reference.case_model import compile_once, compiled_model
 from proofmass.reference.profiles import control_profiles, control_values, drive_profiles
 from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.sim.contents import channel_names
-from proofmass.sim.engines import engine_of
-from proofmass.sim.mjcf import NATIVE_ENGINE, model_key
+from proofmass.sim.engines import NATIVE_ENGINE, engine_of
+from proofmass.sim.model_files import model_key
 from proofmass.sim.protocol.failures import NotSolved, Unsupported
 from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 

@@ -7,9 +7,10 @@ from proofmass.base.errors import suggest_names
 from proofmass.base.recording import Recorded
 from proofmass.case.case import Case, View
 from proofmass.reference.case_model import compiled_model
-from proofmass.reference.evaluate import ComparedCurves, all_quantities, reference_channels
+from proofmass.reference.evaluate import all_quantities, reference_channels
 from proofmass.reference.find import load_reference, reference_class
 from proofmass.reference.profiles import DRIVE_PREFIX
+from proofmass.reference.reference_curves import ComparedCurves
 from proofmass.sim.contents import NO_ANGLE, has_no_angle, joints
 from proofmass.sim.protocol.curves import Curves
 

@@ -13,10 +13,11 @@ from proofmass.base.files import content_key
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
 from proofmass.case.drive import DriveState
-from proofmass.reference.evaluate import ReferenceCurves, evaluate, properties
+from proofmass.reference.evaluate import evaluate, properties
 from proofmass.reference.find import reference_class
 from proofmass.reference.profiles import drive_profiles
-from proofmass.sim.mjcf import model_key
+from proofmass.reference.reference_curves import ReferenceCurves
+from proofmass.sim.model_files import model_key
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.run import Drive, Run
 

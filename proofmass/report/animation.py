@@ -28,13 +28,8 @@ from proofmass.base.files import OUTPUT_MARK, require_replaceable, write_output
 from proofmass.base.strict import Kind
 from proofmass.base.wording import number
 from proofmass.base.worker import call_isolated
-from proofmass.batch.check import (
-    CheckTask,
-    Result,
-    collect_outcomes,
-    compare_and_share,
-    run_solver,
-)
+from proofmass.batch.check import CheckTask, Result, collect_outcomes, run_solver
+from proofmass.batch.work import compare_and_share
 from proofmass.case.case import Case, RunTable
 from proofmass.report.case_data import rod_vertices
 from proofmass.report.case_figures import (

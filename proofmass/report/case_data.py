@@ -27,7 +27,8 @@ from proofmass.report.words import RUNS, quantity_kind
 from proofmass.sim.engines import format_solver, is_variant
 from proofmass.sim.motion import Motion
 from proofmass.sim.picture import Picture
-from proofmass.verdict.compare import Comparison, scale_of
+from proofmass.verdict.compare import scale_of
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import FAILED_OUTCOMES, Outcome
 
 MAX_PAGE_BYTES = 700_000  # [bytes] largest size of a page, with its data

@@ -27,7 +27,7 @@ from proofmass.report.style import RC, Look
 from proofmass.report.thumbnail import Thumbnail, reduce_picture
 from proofmass.report.views import Viewed, view_figure
 from proofmass.run.solve import plan_run
-from proofmass.sim.mjcf import NATIVE_ENGINE
+from proofmass.sim.engines import NATIVE_ENGINE
 from proofmass.sim.motion import Measured, Motion, motion
 from proofmass.sim.picture import Picture
 

@@ -33,8 +33,9 @@ from proofmass.formats.explain import (
     format_refusals,
     table_cells,
 )
-from proofmass.reference.evaluate import ComparedCurves, properties
+from proofmass.reference.evaluate import properties
 from proofmass.reference.mobility import mobility
+from proofmass.reference.reference_curves import ComparedCurves
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import (
     MAX_PAGE_BYTES,
@@ -61,7 +62,7 @@ from proofmass.report.words import (
     quantity_kind,
 )
 from proofmass.sim.engines import format_solver
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, FAILED_OUTCOMES, Outcome
 
 MAX_SOURCE_CHARACTERS = 200_000  # [characters] of a sidecar or model that a page shows

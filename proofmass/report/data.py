@@ -21,15 +21,17 @@ from proofmass.base.units import si_unit
 from proofmass.batch.check import Result
 from proofmass.case.case import Case
 from proofmass.reference.case_model import compiled_model
-from proofmass.reference.evaluate import ComparedCurves, evaluate, reference_for
+from proofmass.reference.evaluate import evaluate, reference_for
 from proofmass.reference.profiles import DRIVE_PARTS, DRIVE_PREFIX, drive_profiles
+from proofmass.reference.reference_curves import ComparedCurves
 from proofmass.reference.samples import run_samples
 from proofmass.report.words import MOTION_UNITS
 from proofmass.run.solve import plan_run
 from proofmass.sim.contents import joints
-from proofmass.sim.mjcf import NATIVE_ENGINE
+from proofmass.sim.engines import NATIVE_ENGINE
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.compare import Comparison, scale_of
+from proofmass.verdict.compare import scale_of
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import FAILED_OUTCOMES, Outcome
 from proofmass.verdict.refinement import RefinedRow
 

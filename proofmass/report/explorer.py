@@ -26,7 +26,8 @@ from proofmass.report.style import INK, MUTED_COLOURS
 from proofmass.run.solve import prescribed_run, solve
 from proofmass.sim.engines import engine_names, format_solver
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.compare import Comparison, compare
+from proofmass.verdict.compare import compare
+from proofmass.verdict.comparison import Comparison
 
 Quantities = Mapping[str, Array]
 Parameters = Mapping[str, Any]

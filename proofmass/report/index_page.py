@@ -35,7 +35,7 @@ from proofmass.report.thumbnail import Thumbnail
 from proofmass.report.trend import MIN_REPORTS
 from proofmass.report.words import RUNS, SYMBOLS, case_state, group_by_solver, quantity_kind
 from proofmass.sim.engines import format_solver, is_variant
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import (
     CHECKED_OUTCOMES,
     EMPTY_OUTCOMES,

@@ -16,7 +16,7 @@ from urllib.parse import quote
 from proofmass.base.wording import number
 from proofmass.report.page import slug
 from proofmass.report.words import RUNS
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, Outcome
 
 FIRST_DECADE, LAST_DECADE = -16.4, 0.6  # decades at the ends of the axis

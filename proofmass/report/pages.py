@@ -55,7 +55,7 @@ from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look, solver_looks
 from proofmass.report.svg import inline_svg
 from proofmass.report.thumbnail import Thumbnail
-from proofmass.run.fingerprint import input_files
+from proofmass.run.case_files import input_files
 from proofmass.sim.protocol.curves import drive_columns
 
 STATIC = (

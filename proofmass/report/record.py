@@ -23,7 +23,7 @@ from proofmass.formats.terminal import COMPARISON_KEYS, replace_nonfinite
 from proofmass.report.commit import commit_of
 from proofmass.report.families import reference_name
 from proofmass.report.page import read_versions
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 
 RECORD_VERSION = 1
 RECORD_NAME = "results.json"

@@ -19,7 +19,7 @@ from proofmass.report.case_figures import compute_motion
 from proofmass.report.mechanism import distinct_poses, small_figure
 from proofmass.report.style import RC
 from proofmass.sim.engines import format_solver
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 
 DRAWING_SECONDS = 30.0  # [s] time limit for the drawing of a case
 POSES = 25

@@ -16,8 +16,7 @@ from proofmass.reference.run_reference import changeable_parameters
 from proofmass.report.data import PlottedRun
 from proofmass.report.words import SYMBOLS
 from proofmass.sim.engines import format_solver
-from proofmass.verdict.compare import Comparison
-from proofmass.verdict.detectable import DetectableChange
+from proofmass.verdict.comparison import Comparison, DetectableChange
 from proofmass.verdict.noticed import noticed_changes, smallest_noticed
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, FAILED_OUTCOMES, Outcome
 

@@ -13,7 +13,7 @@ from proofmass.report.case_data import encode_numbers
 from proofmass.report.changes import CHANGE_FACTOR, ERROR_ROUNDING_SHARE
 from proofmass.report.record import History
 from proofmass.sim.engines import format_solver
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import CHECKED_OUTCOMES
 
 MIN_REPORTS = 2

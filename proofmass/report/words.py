@@ -9,7 +9,7 @@ from proofmass.base.units import MOTION_UNITS, si_unit
 from proofmass.base.wording import format_list, number
 from proofmass.case.case import Case
 from proofmass.sim.engines import format_solver
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import (
     CHECKED_OUTCOMES,
     EMPTY_OUTCOMES,

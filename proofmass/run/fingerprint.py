@@ -15,9 +15,8 @@ from proofmass.base.installation import digest_plugins, own_version
 from proofmass.case.case import Case
 from proofmass.reference.case_model import compiled_model
 from proofmass.reference.find import REFERENCE_GROUP
-from proofmass.sim.engines import ENGINE_GROUP, computes_curves, engine_of
-from proofmass.sim.mjcf import files_of_model
-from proofmass.sim.protocol.settings import FILE_MARK
+from proofmass.run.case_files import recorded_files
+from proofmass.sim.engines import ENGINE_GROUP, engine_of
 
 
 def digest(data: bytes) -> str:
@@ -47,21 +46,6 @@ def digest_recorded_files(case: Case) -> str:
     if brought := foreign_distribution(REFERENCE_GROUP, case.reference):
         parts.append(digest_plugins(distribution(brought)).encode())
     return digest(b"".join(parts)) if parts else ""
-
-
-def input_files(case: Case) -> list[Path]:
-    """All files that a case is read from."""
-    return [case.file, *files_of_model(case.model_path), *recorded_files(case)]
-
-
-def recorded_files(case: Case) -> list[Path]:
-    """The recorded files or the program of the reference, and files of profiles and engines."""
-    files = [case.file.parent / case.reference] if case.recorded or case.program else []
-    files += case.profile_files
-    for solver, settings in case.settings.items():
-        names = engine_of(solver).settings.marked(FILE_MARK) if not computes_curves(solver) else []
-        files += [case.file.parent / str(settings[name]) for name in names if name in settings]
-    return files
 
 
 @cache

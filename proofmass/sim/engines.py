@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from proofmass.sim.protocol.engine import Engine
 
 ENGINE_GROUP = "proofmass.engines"
+NATIVE_ENGINE = "mujoco"
+"""The engine whose own format is MJCF: it runs any model, and gives the poses of drawings."""
 
 
 class NoEngine(ValueError):

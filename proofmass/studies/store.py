@@ -32,7 +32,7 @@ from proofmass.run.fingerprint import (
     digest_sources,
     package_versions,
 )
-from proofmass.sim.mjcf import model_key
+from proofmass.sim.model_files import model_key
 from proofmass.studies import invariants, measure, references
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.measure import Measurement, StudyRun

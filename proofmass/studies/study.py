@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from proofmass.batch.pool import pool
-from proofmass.sim.mjcf import NATIVE_ENGINE
+from proofmass.sim.engines import NATIVE_ENGINE
 from proofmass.sim.protocol.settings import ParameterValue
 from proofmass.studies.measure import (
     Measurement,

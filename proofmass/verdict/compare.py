@@ -1,33 +1,29 @@
 """Compare curves with the reference: one `Comparison` for each channel of each solver."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from proofmass.base.arrays import Array
-from proofmass.base.display import ShownAsHtml
 from proofmass.base.errors import InputError
 from proofmass.base.strict import Kind
-from proofmass.base.units import MOTION_UNITS, POSITION_UNITS, si_unit, unit_powers
+from proofmass.base.units import MOTION_UNITS, POSITION_UNITS, unit_powers
 from proofmass.case.case import MAX_TOLERANCE_SHARE, Case, Tolerance
 from proofmass.reference.case_model import compiled_model
-from proofmass.reference.evaluate import ComparedCurves, ReferenceCurves, evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.reference.find import assembly_modes
 from proofmass.reference.profiles import drive_profiles
 from proofmass.reference.run_reference import RunReference
 from proofmass.sim.contents import joints, mass, sensors_of_drive, size
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.run import MIN_FREE_STEP_SHARE, MIN_STEP_SHARE, Run, fitting_samples
-from proofmass.verdict.detectable import DetectableChange, detectable_changes
-from proofmass.verdict.outcome import GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
+from proofmass.verdict.comparison import Comparison, Comparisons, DetectableChange
+from proofmass.verdict.detectable import detectable_changes
+from proofmass.verdict.outcome import Outcome, judge_error
 
 NAN = float("nan")
-UNCHECKED_CASE = (
-    "nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
-    "a solver delivers, or say unchecked = true"
-)
 PROFILE_TIMES = 101
 """Number of times at which the rates of drives are looked up between samples that are at rest."""
 REST_SHARE = 1e-3
@@ -40,119 +36,6 @@ START_SHARE = 0.1  # share of a dynamics run after which errors of the start pos
 CONSTANT_RANGE = 1e-3
 """Range over size of a curve below which it counts as constant; drives cause as much variation."""
 ZERO_SHARE = 1e-12  # share of the mechanism's size up to which a reference's values count as zero
-
-
-@dataclass(frozen=True)
-class Comparison(ShownAsHtml):
-    """One channel of one solver in one run, compared with the reference.
-
-    Attributes
-    ----------
-    case, solver, run, channel, unit : str
-        The case, solver, run and channel that were compared, and the channel's unit.
-    error_max, at : float
-        Largest absolute difference [its unit], and the x at which it occurs [SI].
-    error_rms, nrmse : float
-        Root mean square of the difference [its unit], and the same over `scale_of` the reference
-        curve [1], which is its range unless it is constant.
-    allowed : float
-        Tolerance [its unit]; NaN when the channel is not checked.
-    detectable : dict of str to DetectableChange
-        For each parameter the smallest change that the tolerance would catch. A parameter is left
-        out if the tolerance does not even catch a change by 10 %, such as one on which the channel
-        does not depend.
-    outcome : str
-        agrees, differs, undecided, unchecked, unsupported, diverged, crashed, timed out or out of
-        memory.
-    message : str
-        The tolerance's reason when it agrees; otherwise what is wrong.
-    seconds, steps, violation
-        Cost of the run, and its largest constraint violation [m].
-    error_later : float
-        Largest absolute difference after the first tenth of dynamics [its unit], since soft
-        constraints of a simulator are often not in equilibrium in the start pose; NaN in other
-        runs.
-    uncertainty : float
-        Largest possible error of the curve or of its reference for a reason other than the solver,
-        such as the interpolation of recorded rows [its unit]; 0 where there is none.
-    """
-
-    case: str
-    solver: str
-    run: str
-    channel: str
-    unit: str
-    error_max: float = NAN
-    at: float = NAN
-    error_rms: float = NAN
-    nrmse: float = NAN
-    allowed: float = NAN
-    detectable: dict[str, DetectableChange] = field(default_factory=dict)
-    outcome: str = Outcome.UNCHECKED
-    message: str = ""
-    seconds: float = NAN
-    steps: int = 0
-    violation: float = NAN
-    error_later: float = NAN
-    uncertainty: float = 0.0
-
-    @property
-    def relative_to_range(self) -> float:
-        """Largest error over `scale_of` the reference curve; NaN when it has none."""
-        return self._share(self.error_max)
-
-    @property
-    def relative_to_range_later(self) -> float:
-        """The same for `error_later`."""
-        return self._share(self.error_later)
-
-    @property
-    def allowed_of_range(self) -> float:
-        """The allowed error over `scale_of` the reference curve; NaN if the error is 0."""
-        return self.allowed * self.nrmse / self.error_rms if self.error_rms else NAN
-
-    @property
-    def share_of_allowed(self) -> float:
-        """The error over the tolerance, 1 at the limit.
-
-        Where one of them gives no number it is infinite, or 0 if the outcome is good all the same.
-        """
-        if np.isfinite(self.error_max) and self.allowed > 0:
-            return self.error_max / self.allowed
-        return 0.0 if self.outcome in GOOD_OUTCOMES else np.inf
-
-    def _share(self, error: float) -> float:
-        return error * self.nrmse / self.error_rms if self.error_rms else self.nrmse
-
-
-class Comparisons(list[Comparison], ShownAsHtml):
-    """The comparisons of one solver in one run, and the reference that its curves were compared to.
-
-    A notebook shows them as a table.
-
-    Attributes
-    ----------
-    reference : ReferenceCurves, optional
-        The reference at the motion that the drives had.
-    properties : dict of str to str, optional
-        The properties of the case; None if they were not asked for, or in another run than the
-        first one of the case.
-    """
-
-    def __init__(
-        self,
-        found: Iterable[Comparison] = (),
-        reference: ReferenceCurves | None = None,
-        properties: dict[str, str] | None = None,
-    ) -> None:
-        super().__init__(found)
-        self.reference, self.properties = reference, properties
-
-    def join_reference(self, curves: Curves) -> Curves:
-        """The curves that were compared, with their reference if it is known."""
-        if self.reference is None:
-            return curves
-        return ComparedCurves.of(curves, self.reference, self.properties)
 
 
 def compare(
@@ -215,17 +98,6 @@ def compare(
     ]
     judged = judge_run(case, run, curves, driven.channels, found)
     return Comparisons(judged, driven, evaluated.properties if detectable else None)
-
-
-def failed_comparisons(
-    case: Case, run: Kind, solver: str, error: Exception, advice: str = ""
-) -> Comparisons:
-    """Return a comparison for each channel of a run that failed with an error."""
-    outcome, message = OUTCOME_OF_EXCEPTION[type(error)], f"{error}{advice}"
-    return Comparisons(
-        Comparison(case.name, solver, run, name, channel.unit, outcome=outcome, message=message)
-        for name, channel in case.channels_of(run).items()
-    )
 
 
 def compare_channel(
@@ -499,34 +371,6 @@ def time_scale(case: Case, run: Kind, curves: Curves, extent: float) -> float:
         found = [np.abs(p(between)[1]).max() for p in drive_profiles(case, run)]
         rate = max(rate, float((np.array(found) / sizes).max()))
     return 1.0 / rate if rate else 0.0
-
-
-def judge_error(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome, str]:
-    """Decide the outcome of a largest error, and word its message; NaN never agrees.
-
-    >>> judge_error(1e-6, 1e-5, "m", "rounding")
-    ('agrees', 'rounding')
-    >>> judge_error(float("nan"), 1e-5, "m", "rounding")[0]
-    'differs'
-    """
-    if not np.isfinite(error):
-        return Outcome.DIFFERS, "not a number somewhere on the curve"
-    if not why:
-        return Outcome.UNCHECKED, "no tolerance covers this channel of this solver"
-    if error <= allowed:
-        return Outcome.AGREES, why
-    if not allowed:
-        return Outcome.DIFFERS, (
-            "the reference is zero and the mechanism has no size of this "
-            "quantity, so relative_to_range allows nothing: give the tolerance as abs"
-        )
-    quantity, factor = si_unit(unit or "1")
-    turns = error * factor / (2 * np.pi)
-    if quantity == "rad" and turns > 0.5 and abs(turns - round(turns)) < 1e-3:
-        return Outcome.DIFFERS, (
-            f"off by {round(turns)} whole turn(s): count the start pose's angle anew"
-        )
-    return Outcome.DIFFERS, f"{error / allowed:.3g} x the allowed error"
 
 
 def explain_undecided(uncertainty: float, allowed: float, unit: str) -> str:

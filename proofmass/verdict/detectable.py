@@ -1,12 +1,12 @@
 """The smallest change of each parameter of a reference that the tolerances of a run would catch."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from proofmass.reference.run_reference import Differences, RunReference
+from proofmass.verdict.comparison import DetectableChange
 
 NAN = float("nan")
 SMALL_CHANGE = 1e-6
@@ -17,24 +17,6 @@ LARGE_CHANGES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
 SMOOTH_CURVATURE = 0.1  # curvature over slope up to which the slope is exact to about one digit
 DifferencesAt = Callable[[float], Differences]
 """Differences of the channels at a share of a parameter."""
-
-
-@dataclass(frozen=True)
-class DetectableChange:
-    """The smallest change of a parameter that a tolerance would catch.
-
-    Attributes
-    ----------
-    size : float
-        The change [its unit or 1]; NaN where it is not known because the reference cannot be
-        evaluated at changed values.
-    relative : bool
-        Whether `size` is a share of the parameter's value; otherwise the value is 0, and `size` is
-        the change itself, in the parameter's SI unit.
-    """
-
-    size: float
-    relative: bool = True
 
 
 def detectable_changes(

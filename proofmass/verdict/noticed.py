@@ -4,8 +4,7 @@ import math
 from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
-from proofmass.verdict.compare import Comparison
-from proofmass.verdict.detectable import DetectableChange
+from proofmass.verdict.comparison import Comparison, DetectableChange
 from proofmass.verdict.outcome import Outcome
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 
+from proofmass.base.units import si_unit
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut
 from proofmass.sim.protocol.failures import Diverged, NotSolved, Unsupported
 
@@ -83,3 +85,31 @@ OUTCOME_OF_EXCEPTION: dict[type[Exception], Outcome] = {
     OutOfMemory: Outcome.OUT_OF_MEMORY,
 }
 """Outcomes by the exceptions that engines and workers raise."""
+
+
+def judge_error(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome, str]:
+    """Decide the outcome of a largest error, and word its message; NaN never agrees.
+
+    >>> judge_error(1e-6, 1e-5, "m", "rounding")
+    ('agrees', 'rounding')
+    >>> judge_error(float("nan"), 1e-5, "m", "rounding")[0]
+    'differs'
+    """
+    if not math.isfinite(error):
+        return Outcome.DIFFERS, "not a number somewhere on the curve"
+    if not why:
+        return Outcome.UNCHECKED, "no tolerance covers this channel of this solver"
+    if error <= allowed:
+        return Outcome.AGREES, why
+    if not allowed:
+        return Outcome.DIFFERS, (
+            "the reference is zero and the mechanism has no size of this "
+            "quantity, so relative_to_range allows nothing: give the tolerance as abs"
+        )
+    quantity, factor = si_unit(unit or "1")
+    turns = error * factor / (2 * math.pi)
+    if quantity == "rad" and turns > 0.5 and abs(turns - round(turns)) < 1e-3:
+        return Outcome.DIFFERS, (
+            f"off by {round(turns)} whole turn(s): count the start pose's angle anew"
+        )
+    return Outcome.DIFFERS, f"{error / allowed:.3g} x the allowed error"

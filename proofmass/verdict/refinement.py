@@ -11,11 +11,10 @@ from proofmass.base.strict import Kind
 from proofmass.base.units import si_unit
 from proofmass.base.worker import call_isolated
 from proofmass.case.case import Case, Refine
-from proofmass.reference.evaluate import reference_for
 from proofmass.sim.engines import computes_curves
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.compare import Comparison, Comparisons, compare_channel, judge_error
-from proofmass.verdict.outcome import Outcome
+from proofmass.verdict.comparison import Comparison, Comparisons
+from proofmass.verdict.outcome import Outcome, judge_error
 
 RunResult = tuple[list[Comparison], Curves | None]
 """The comparisons of a run, and its curves if it did not fail."""
@@ -73,6 +72,8 @@ class RefinementStudy:
         kept = {n: (found, curves) for n, (found, curves) in self.runs.items() if curves}
         if not kept:
             return []
+        from proofmass.reference.evaluate import reference_for  # a worker evaluates it
+
         reference = reference_for(self.case, self.refine.run, max(kept.items())[1][1]).channels
         factors = {name: channel.factor for name, channel in self.case.channels.items()}
         return [
@@ -125,6 +126,9 @@ def refinement_runs(case: Case) -> Iterator[FinerRun]:
 
 def refined_errors(case: Case, run: Kind, solver: str, curves: Curves) -> Comparisons:
     """The comparisons of one run of a study: refined channels only, without detectable changes."""
+    from proofmass.reference.evaluate import reference_for
+    from proofmass.verdict.compare import compare_channel
+
     reference = reference_for(case, run, curves).channels
     return Comparisons(
         compare_channel(case, run, solver, name, curves, reference[name], {})

@@ -16,38 +16,39 @@ from typer.testing import CliRunner
 
 from proofmass.base.errors import InputError
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut
-from proofmass.batch import pool
+from proofmass.batch import pool, work
 from proofmass.batch.check import (
     LOADING_SECONDS,
     OUTCOME_OF_EXCEPTION,
-    OWN_MODEL_SECONDS,
     OWN_MODEL_TIMEOUT,
     Result,
     check,
     check_bare_model,
     collect_inputs,
     collect_outcomes,
-    compare_and_share,
     early_end_error,
     family_of,
     find_inputs,
     load_validated,
     read_isolated,
-    run_and_compare,
     run_solver,
     run_task,
     task_file,
     task_label,
     unique_names,
 )
+from proofmass.batch.work import OWN_MODEL_SECONDS, compare_and_share, run_and_compare
 from proofmass.commands.cli import app
 from proofmass.commands.studies import load_cases
 from proofmass.reference.evaluate import evaluate
+from proofmass.run import solve as solve_module
+from proofmass.run import validate as validate_module
 from proofmass.run.sidecar import load_case
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, Diverged, NotSolved, Unsupported
-from proofmass.verdict.compare import Comparison, Comparisons, compare
+from proofmass.verdict.compare import compare
+from proofmass.verdict.comparison import Comparison, Comparisons
 from proofmass.verdict.outcome import FAILED_OUTCOMES
 from proofmass.verdict.refinement import FinerRun, refined_errors
 from tests.shipped import MODELS
@@ -81,8 +82,8 @@ def workers(monkeypatch):
 @pytest.fixture
 def briefly(monkeypatch):
     """Shorten the motion of models without a sidecar to a twentieth, for tests of their names."""
-    monkeypatch.setattr(CHECK_MODULE, "OWN_MODEL_SECONDS", OWN_MODEL_SECONDS / 20)
-    monkeypatch.setattr(CHECK_MODULE, "OWN_MODEL_SAMPLES", 6)
+    monkeypatch.setattr(work, "OWN_MODEL_SECONDS", OWN_MODEL_SECONDS / 20)
+    monkeypatch.setattr(work, "OWN_MODEL_SAMPLES", 6)
 
 
 @pytest.fixture
@@ -192,29 +193,29 @@ def test_a_sidecar_is_validated_within_the_largest_limits_of_its_runs(short, wor
         r"\[run.dynamics\]",
         "[drive]\njoint = 'pendulum'\nto = 1.0\n[run.dynamics]",
     )
-    workers.fails["validate_case"] = OSError()  # the runs will report it
+    workers.fails["validate_here"] = OSError()  # the runs will report it
     assert load_validated(short).name == "pendulum"
-    assert workers == [("load_case", LOADING_SECONDS, None), ("validate_case", 9.0, 3.0)]
-    workers.fails["validate_case"] = InputError(short, "channels", "bad")
+    assert workers == [("load_here", LOADING_SECONDS, None), ("validate_here", 9.0, 3.0)]
+    workers.fails["validate_here"] = InputError(short, "channels", "bad")
     assert key_and_message(load_validated, short) == ("channels", "bad")
     for error, words in (
         (InputError(short, "key", "bad"), ("key", "bad")),
         (OSError("gone"), ("", "cannot be read: gone")),
         (OSError(), ("", "cannot be read: OSError")),
     ):
-        workers.fails["load_case"] = error
+        workers.fails["load_here"] = error
         assert key_and_message(load_validated, short) == words
 
 
 def test_strict_loading_reports_errors_that_runs_would_report(short, workers):
     """A command that makes no run has no other way to report these errors."""
-    workers.fails["validate_case"] = MemoryError("more than 3 GiB")
+    workers.fails["validate_here"] = MemoryError("more than 3 GiB")
     assert load_validated(short).name == "pendulum"
     assert key_and_message(load_validated, short, True) == (
         "",
         "its model or its reference: more than 3 GiB",
     )
-    workers.fails["validate_case"] = InputError(short, "channels", "bad")
+    workers.fails["validate_here"] = InputError(short, "channels", "bad")
     assert key_and_message(load_validated, short, True) == ("channels", "bad")
 
 
@@ -368,7 +369,7 @@ def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
     def validate(case):
         seen.append(case)
 
-    monkeypatch.setattr(CHECK_MODULE, "validate_case", validate)
+    monkeypatch.setattr(validate_module, "validate_case", validate)
     case = load_validated(short)
     assert seen == [case]
     found, curves = run_solver(case, "dynamics", "mujoco")
@@ -431,7 +432,7 @@ def test_expected_exceptions_of_a_run_are_raised_unchanged(error, short, monkeyp
     def fail(*_):
         raise error
 
-    monkeypatch.setattr(CHECK_MODULE, "solve_here", fail)
+    monkeypatch.setattr(solve_module, "solve_here", fail)
     with pytest.raises(type(error)) as raised:
         run_and_compare(load_validated(short), "dynamics", "mujoco", None)
     assert raised.value is error
@@ -439,7 +440,7 @@ def test_expected_exceptions_of_a_run_are_raised_unchanged(error, short, monkeyp
 
 def test_an_unexpected_exception_of_a_run_is_a_crash(short, monkeypatch):
     case = load_validated(short)
-    monkeypatch.setattr(CHECK_MODULE, "solve_here", lambda case, *_: {}[case.name])
+    monkeypatch.setattr(solve_module, "solve_here", lambda case, *_: {}[case.name])
     with pytest.raises(Crashed, match=r"^KeyError: 'pendulum'$"):
         run_and_compare(case, "dynamics", "mujoco", None)
 

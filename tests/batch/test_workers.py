@@ -29,7 +29,7 @@ from proofmass.studies.stress.extremes import search_energy_error
 from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.studies.trade.verify import verify
 from proofmass.studies.variants import evaluate_reference, with_drive_distance
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from tests.shipped import shipped
 
 LARGE_WORLDBODY = '<worldbody><replicate count="1000000"><geom size="1"/></replicate>'

@@ -21,7 +21,7 @@ from proofmass.commands.new_from_model import (
 from proofmass.run.sidecar import load_case
 from proofmass.sim.contents import mechanism_dof
 from proofmass.sim.mjcf import compile_model
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import Outcome
 from tests.shipped import shipped
 

@@ -19,7 +19,7 @@ from proofmass.commands.cli import app
 from proofmass.formats.junit import as_junit
 from proofmass.formats.sarif import as_sarif
 from proofmass.run.sidecar import load_case
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import Outcome
 from tests.shipped import shipped
 

@@ -24,8 +24,7 @@ from proofmass.formats.terminal import (
     worst_comparison,
 )
 from proofmass.run.sidecar import load_case
-from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
-from proofmass.verdict.detectable import DetectableChange
+from proofmass.verdict.comparison import UNCHECKED_CASE, Comparison, DetectableChange
 from tests.shipped import MODELS, shipped, shipped_files
 
 

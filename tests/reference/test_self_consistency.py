@@ -12,7 +12,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from proofmass.batch.check import check, check_model_here
+from proofmass.batch.check import check
+from proofmass.batch.work import check_model_here
 from proofmass.reference.self_consistency import AGREEMENT_SHARE, Rung, why_failed
 from proofmass.sim.protocol.own_equations import OwnMotion, OwnRun
 from proofmass.verdict.outcome import Outcome

@@ -25,7 +25,8 @@ from proofmass.base.installation import describe_installation
 from proofmass.base.worker import close_idle_workers
 from proofmass.commands.cli import app
 from proofmass.reference.find import find_reference, load_reference, reference_names
-from proofmass.run.fingerprint import digest_recorded_files, input_files
+from proofmass.run.case_files import input_files
+from proofmass.run.fingerprint import digest_recorded_files
 from tests.shipped import shipped
 
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from proofmass.report.record import History, Last, Record, extend_history, make_
 from proofmass.report.style import solver_looks
 from proofmass.report.thumbnail import Thumbnail
 from proofmass.run.sidecar import load_case
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import Outcome
 from tests.shipped import MODELS, shipped
 

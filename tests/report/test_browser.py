@@ -17,7 +17,7 @@ from proofmass.report.figures import save
 from proofmass.report.mechanism import mechanism_figure
 from proofmass.report.style import RC
 from proofmass.run.sidecar import load_case
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from tests.report.whole import result_from_references, with_failed_dynamics, without_figures
 from tests.shipped import shipped
 from tests.visit import PHONE, Visit

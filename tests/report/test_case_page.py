@@ -25,7 +25,8 @@ from proofmass.evidence.coverage import (
 from proofmass.evidence.coverage_search import CheckedRun, Finding
 from proofmass.evidence.diagnosis import Diagnosis, Explanation, Fault, shared_causes
 from proofmass.formats.explain import format_not_noticed
-from proofmass.reference.evaluate import ComparedCurves, evaluate
+from proofmass.reference.evaluate import evaluate
+from proofmass.reference.reference_curves import ComparedCurves
 from proofmass.report import case_page, write_report
 from proofmass.report.case_data import (
     kept_samples,

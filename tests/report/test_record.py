@@ -28,8 +28,7 @@ from proofmass.report.record import (
     write_record,
 )
 from proofmass.run.sidecar import load_case
-from proofmass.verdict.compare import Comparison
-from proofmass.verdict.detectable import DetectableChange
+from proofmass.verdict.comparison import Comparison, DetectableChange
 from proofmass.verdict.outcome import Outcome
 from tests.shipped import MODELS, shipped
 

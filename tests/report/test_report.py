@@ -24,7 +24,8 @@ from proofmass.report.svg import inline_svg
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.compare import Comparison, compare
+from proofmass.verdict.compare import compare
+from proofmass.verdict.comparison import Comparison
 from tests.report.whole import without_figures
 from tests.shipped import shipped, shipped_files
 

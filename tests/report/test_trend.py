@@ -23,7 +23,7 @@ from proofmass.report.record import (
 )
 from proofmass.report.trend import Trend, format_growth, trend_of
 from proofmass.run.sidecar import load_case
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from tests.report.index_rows import comparison_of
 from tests.report.whole import result_from_references, without_figures
 from tests.shipped import shipped

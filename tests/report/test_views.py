@@ -26,7 +26,8 @@ from proofmass.report.views import (
 )
 from proofmass.run.sidecar import load_case
 from proofmass.run.validate import validate_case
-from proofmass.verdict.compare import Comparison, compare
+from proofmass.verdict.compare import compare
+from proofmass.verdict.comparison import Comparison
 from tests.report.test_report import case_with_samples, curves_with_error, result_with_errors
 from tests.report.whole import result_from_references
 from tests.shipped import shipped

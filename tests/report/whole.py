@@ -17,7 +17,8 @@ from proofmass.reference.evaluate import evaluate
 from proofmass.report import case_figures
 from proofmass.run.solve import plan_run
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.compare import Comparison, compare
+from proofmass.verdict.compare import compare
+from proofmass.verdict.comparison import Comparison
 
 
 @contextmanager

@@ -5,7 +5,8 @@ import sys
 import numpy as np
 import pytest
 
-from proofmass.batch.check import check, check_model_here
+from proofmass.batch.check import check
+from proofmass.batch.work import check_model_here
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.protocol.failures import BadModel

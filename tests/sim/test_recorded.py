@@ -22,7 +22,8 @@ from proofmass.commands.cli import app
 from proofmass.commands.studies import load_cases
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve_here, with_computing_solvers
-from proofmass.verdict.compare import Comparison, compare
+from proofmass.verdict.compare import compare
+from proofmass.verdict.comparison import Comparison
 from tests.shipped import shipped
 
 HACKSAW_CASE, RECORDED_SOLVER = "hacksaw_inventor_shaped", "recorded:inventor-shaped"

@@ -16,7 +16,8 @@ from proofmass.reference.evaluate import evaluate
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run, solve_here
 from proofmass.sim.protocol.run import Drive, Rod
-from proofmass.verdict.compare import Comparison, compare
+from proofmass.verdict.compare import compare
+from proofmass.verdict.comparison import Comparison
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, three_rod_platform
 from tests.independent.rods.chain_assembly import settle
 from tests.shipped import shipped

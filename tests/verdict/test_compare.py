@@ -26,16 +26,16 @@ from proofmass.run.validate import validate_case
 from proofmass.sim.contents import size
 from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import (
-    Comparison,
     check_assembly_mode,
     compare,
     compare_channel,
     end_of_start,
-    judge_error,
     scale_of,
     start_difference,
     time_scale,
 )
+from proofmass.verdict.comparison import Comparison
+from proofmass.verdict.outcome import judge_error
 from tests.shipped import shipped, shipped_files
 
 

@@ -12,8 +12,9 @@ import pytest
 from proofmass.base.errors import InputError
 from proofmass.base.recording import Recorded
 from proofmass.case.case import Case
-from proofmass.reference.evaluate import ReferenceCurves, evaluate
+from proofmass.reference.evaluate import evaluate
 from proofmass.reference.find import load_reference
+from proofmass.reference.reference_curves import ReferenceCurves
 from proofmass.reference.run_reference import RunReference, changeable_parameters
 from proofmass.reference.samples import run_samples
 from proofmass.report.tables import (
@@ -24,9 +25,9 @@ from proofmass.report.tables import (
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.compare import Comparison, compare, compare_channel
+from proofmass.verdict.compare import compare, compare_channel
+from proofmass.verdict.comparison import Comparison, DetectableChange
 from proofmass.verdict.detectable import (
-    DetectableChange,
     detectable_changes,
     large_detectable,
     parameter_slopes,

@@ -13,7 +13,7 @@ from proofmass.reference.samples import run_samples
 from proofmass.report import write_report
 from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.compare import Comparison
+from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.refinement import (
     RefinedRow,
     RefinementStudy,

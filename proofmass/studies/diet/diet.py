@@ -31,7 +31,7 @@ from proofmass.base.files import (
 )
 from proofmass.base.wording import number
 from proofmass.run.fingerprint import bytes_of_model
-from proofmass.sim.mjcf import NATIVE_ENGINE
+from proofmass.sim.engines import NATIVE_ENGINE
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.run import Run
 from proofmass.studies.diet.edits import EditedModel, model_text, read_model, write_model

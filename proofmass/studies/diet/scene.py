@@ -30,7 +30,8 @@ from proofmass.batch.check import LOADING_SECONDS, load_validated
 from proofmass.case.case import Case
 from proofmass.reference.evaluate import reference_for
 from proofmass.run.solve import plan_run
-from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
+from proofmass.sim.engines import NATIVE_ENGINE
+from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol.curves import Curves, split_channel
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.protocol.run import Run
