@@ -1,5 +1,6 @@
 """Causes that are planted in the curves of the reference itself, so that no engine runs."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -27,12 +28,14 @@ from proofmass.evidence.diagnosis.fit import (
     rms,
     run_steps,
 )
-from proofmass.evidence.diagnosis.model import is_model_wrong
+from proofmass.evidence.diagnosis.model import describe_start, is_model_wrong
 from proofmass.evidence.diagnosis.settings import falling_channels, setting_value
 from proofmass.reference.evaluate import evaluate
 from proofmass.reference.samples import run_samples
+from proofmass.run.sidecar import load_case
 from proofmass.run.solve import prescribed_run
 from proofmass.sim.protocol.curves import Curves
+from tests.shipped import shipped
 
 
 def exact_curves(case: Case, run: Kind = "sweep") -> Curves:
@@ -465,3 +468,22 @@ def test_a_tenfold_growth_of_the_violation_is_told(pendulum, sizes, since):
         assert told.endswith(f"from x = {x[since]:.4g} to {x[3]:.4g}")
         assert "grew tenfold, to 1e-" in told
     assert [*describe_violation(replace(first_four, violations=None))] == []
+
+
+@pytest.mark.parametrize("scale", [1e-2, 1.0, 1e2])
+@pytest.mark.parametrize(("turn", "is_open"), [(1e-7, False), (1e-5, True)])
+def test_a_start_is_open_by_a_share_of_the_size_of_the_mechanism(scale, turn, is_open, tmp_path):
+    """The rocker of 2.5 m is turned in the start pose, and the whole four-bar is scaled."""
+
+    def scaled(found: re.Match) -> str:
+        numbers = " ".join(repr(scale * float(word)) for word in found[2].split())
+        return f'{found[1]}="{numbers}"'
+
+    case = load_case(shipped("fourbar.toml"))
+    text = case.model_path.read_text(encoding="utf-8")
+    text = re.sub(r'\b(pos|fromto)="([^"]*)"', scaled, text)
+    text = text.replace("2.2459278597319283", repr(2.2459278597319283 + turn))
+    (tmp_path / "fourbar.xml").write_text(text, encoding="utf-8")
+    remarks = list(describe_start(case.model_copy(update={"file": tmp_path / "fourbar.toml"})))
+    gaps = [float(re.search(r"are open by (\S+) m in the start pose", one)[1]) for one in remarks]
+    assert gaps == ([pytest.approx(2.5 * turn * scale, rel=0.03)] if is_open else [])
