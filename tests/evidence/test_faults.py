@@ -128,6 +128,7 @@ def test_the_line_of_a_parameter_is_that_of_the_sidecar():
     assert fault.instead == lines[fault.line - 1].replace("2.5 ", "2.525 ", 1).strip()
     mode = sidecar_fault(case, ["parameters", "mode"], "mode", 1.0, -1.0)
     assert mode.instead.startswith("mode = -1 ")
+    assert mode.within == 0.0  # it is no fitted number
     crank = parameter_fault(case, "crank", "m", 1.0, 3.0)
     assert crank.instead.startswith("crank = 3.0 ")
     missing = sidecar_fault(case, ["settings", "mujoco", "timestep"], "timestep", 1.0, 2.0)
