@@ -652,7 +652,12 @@ def test_an_unknown_key_lists_keys_of_sidecars_alone(models, edit):
         load_case(edit("fourbar.toml", "(?m)^title", "titel"))
     known = found.value.wrong.partition("known: ")[2].split(", ")
     assert {"title", "drive", "unchecked"} <= set(known)
-    assert not {"file", "unmatched", "called", "reads_model"} & set(known)
+    fields = {"file", "unmatched", "called", "reads_model"}
+    assert not fields & set(known)
+    for field in sorted(fields):
+        with pytest.raises(InputError) as found:
+            load_case(edit("slider_crank.toml", r"\A.*\n", f'{field} = "x"\n', count=1))
+        assert (found.value.key, found.value.wrong) == (field, "unknown key: no sidecar has it")
 
 
 def test_a_file_that_does_not_exist_is_said_not_to_exist(tmp_path):

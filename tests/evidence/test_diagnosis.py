@@ -244,6 +244,7 @@ def test_a_slow_machine_names_the_same_causes(tmp_path, monkeypatch, speed):
 def test_a_search_that_reaches_its_limit_says_what_it_left_out(monkeypatch):
     case, curves = solved("fourbar", "sweep", "mujoco")
     wrong = with_parameters(case, rocker=2.4)
+    assert not find_causes(wrong, "sweep", "mujoco", curves, thorough=False).untried
     monkeypatch.setattr("proofmass.evidence.diagnosis.fit.MAX_EVALUATIONS", 14)
     found = find_causes(wrong, "sweep", "mujoco", curves, thorough=False)
     # the mode and the signs of ten parameters take eleven of them, a slope one

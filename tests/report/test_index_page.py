@@ -385,7 +385,7 @@ def test_a_trend_is_drawn_of_errors_that_change():
     before = last_record(result)
     rows = rows_of(index_text(result, before, history))
     ((words, points),) = re.findall(
-        r'aria-label="([^"]+)"><polyline points="([^"]+)"', rows["pendulum"]
+        r'#trend"><svg[^>]* aria-label="([^"]+)"><polyline points="([^"]+)"', rows["pendulum"]
     )
     assert words == "dynamics MuJoCo, angle: 3 reports, 1e-9 to 9e-7 of the range"
     heights = [float(point.split(",")[1]) for point in points.split()]
