@@ -306,6 +306,9 @@ def test_an_unknown_engine_has_its_own_column_and_marker(page):
     ]
     assert "Dynamics · adams" in page
     assert 'data-engine="adams"' in page
+    names = re.findall(r'<button type="button" data-engine="[^"]+"[^>]*>([^<]*)</button>', page)
+    assert names == ["MuJoCo", "adams", "pymunk"]
+    assert "MuJoCo and adams and pymunk ·" in page
     shapes = re.findall(r'<svg class="dot" viewBox[^>]*><path d="([^"]+)"', page)
     assert len(set(shapes)) == 3  # so that engines can be distinguished without colour
 

@@ -108,6 +108,8 @@ def test_a_shown_case_has_the_layout_of_a_sidecar(tmp_path):
     assert '"*" = {}' in lines
     assert 'unit = ["rad", "m"]' in lines
     assert "relative_to_range = 1e-12" in lines
+    assert "timeout = 120.0" not in lines
+    assert "timeout = 120.0" in format_sidecar(odd).splitlines()
 
 
 def test_show_prints_all_keys_of_the_short_sidecar_of_the_four_bar():
