@@ -229,5 +229,7 @@ def test_names_of_many_missing_cases_are_folded_within_their_note(
 def test_files_of_a_longer_index_before_are_removed(tmp_path: Path) -> None:
     for count, files in ((2 * ROWS_PER_FILE + 1, ["1.js", "2.js"]), (ROWS_PER_FILE, [])):
         result = result_of_many(count)
-        write_index_files(tmp_path, index_files(result))
+        index = write_index_files(tmp_path, index_files(result))
+        assert index == tmp_path / "index.html"
+        assert index.is_file()
         assert sorted(file.name for file in (tmp_path / "rows").iterdir()) == files

@@ -179,6 +179,8 @@ def history_of(*shares: float) -> History:
 
 def test_the_line_of_a_row_is_drawn_for_errors_that_change_and_says_from_what_to_what():
     assert trend_line(history_of(1e-9, 1.5e-9, 1.2e-9), [angle(1.2e-9)]) == ""
+    shown = angle(5e-8, allowed=None, outcome=Outcome.UNCHECKED)
+    assert trend_line(history_of(1e-9, 3e-9, 5e-8), [shown]) == ""  # nothing is judged
     line = trend_line(history_of(1e-9, 3e-9, 5e-8), [angle(5e-8)])
     assert "3 reports, 1e-9 to 5e-8 of the range" in line
 

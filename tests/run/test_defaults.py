@@ -240,6 +240,17 @@ def test_a_sensor_whose_unit_the_model_leaves_open_needs_one(tmp_path):
     assert str(error.value) == f"{file}: channels.odd.unit: missing; the model leaves it open"
 
 
+def test_a_model_of_which_no_sensor_has_the_name_of_a_quantity_is_refused(tmp_path):
+    write_short_case(tmp_path)
+    model = tmp_path / "short.xml"
+    one = '<sensor><jointpos name="odd" joint="rocker"/></sensor>'
+    model.write_text(re.sub("(?s)<sensor>.*</sensor>", one, model.read_text()))
+    with pytest.raises(InputError) as error:
+        load_case(tmp_path / "short.toml")
+    words = "no sensor of short.xml has the name of a quantity of fourbar; "
+    assert (error.value.key, error.value.wrong[: len(words)]) == ("channels", words)
+
+
 def test_a_wrong_word_is_answered_with_the_words_that_are_known(tmp_path):
     words = error_of_short_case(tmp_path, tables='[channels]\n"pin.x" = { only = "dynamic" }')
     known = "'sweep', 'dynamics' or 'equilibrium'"

@@ -173,6 +173,9 @@ def test_a_setting_that_a_file_has_to_state_is_missing():
     with pytest.raises(BadSetting) as error:
         RecordedSettings.read({})
     assert error.value.args == ("file", "missing; it is required")
+    with pytest.raises(BadSetting) as error:
+        RecordedSettings.read({"file": "a.csv", "channels": {"pin.x": {"scale": "wide"}}})
+    assert error.value.args == ("channels.pin.x.column", "missing; it is required")
 
 
 @pytest.mark.parametrize(
