@@ -125,6 +125,7 @@ def test_show_prints_all_keys_of_the_short_sidecar_of_the_four_bar():
         "shift": 0.0,
     }
     assert "only" not in table["channels"]["holding_moment"]
+    assert table["drive"]["from"] == 0.0
     assert table["run"]["sweep"]["timeout"] == 120.0
     assert len(table["tolerance"]) == 10
     for name in ("no_such_file.toml", str(shipped("watt.xml").parent)):

@@ -161,6 +161,15 @@ def test_a_compared_parameter_in_a_wrong_unit_is_refused_at_its_key(with_paramet
     )
 
 
+def test_a_parameter_of_a_chart_in_a_wrong_unit_is_refused_at_its_key(with_parameters):
+    chart = '[[chart]]\ntitle = "{}"\ndraw = "coupler_curve"\nparameters = {{ crank = "{}" }}\n'
+    file = with_parameters(rest=chart.format("a", "2 m") + chart.format("b", "4 s"))
+    with pytest.raises(InputError) as error:
+        load_case(file)
+    assert error.value.key == "chart.1.parameters.crank"
+    assert error.value.wrong == "crank is a length [m]; '4 s' is a time"
+
+
 def test_a_word_of_a_parameter_that_is_no_quantity_stays():
     """The target of a balancer is a text, which its reference reads itself."""
     case = load_case(shipped("balancer4_sam.toml"))
