@@ -357,7 +357,7 @@ class Tolerance(Strict):
     `run`, `solver`, `unit` and `channels` select where it holds; a missing key selects all.
     The number is `abs`, in the channel's unit, or `relative_to_range`, a share of the reference
     curve's range, or of its size if the curve is constant, see
-    `proofmass.verdict.compare.scale_of`.
+    `proofmass.verdict.compare.MechanismSizes`.
     """
 
     run: Kind | None = None

@@ -14,7 +14,7 @@ from proofmass.reference.charts import check_charts
 from proofmass.reference.evaluate import reference_for
 from proofmass.reference.mobility import mobility
 from proofmass.reference.plot_data import check_views
-from proofmass.run.solve import plan_run, settings_of
+from proofmass.run.solve import prescribed_run, settings_of
 from proofmass.sim.contents import (
     NO_ANGLE,
     channel_unit,
@@ -45,9 +45,8 @@ def validate_case(case: Case) -> None:
     check_model(case, compiled_model(case))
     if compiled_model(case).neq:  # without equalities nothing is over-constrained
         mobility(case)
-    for kind, table in case.run.items():
-        runs = [plan_run(case, kind, solver) for solver in table.solvers]
-        few = first_samples(case, runs[0])
+    for kind in case.run:
+        few = first_samples(case, prescribed_run(case, kind))
         reference_for(case, kind, few)
         if case.view:
             check_views(case, kind, few)

@@ -8,7 +8,7 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.base.read_once import read_once
-from proofmass.sim.plane import PARALLEL_TOLERANCE, find_plane
+from proofmass.sim.plane import PARALLEL_TOLERANCE, MotionPlane, find_plane
 from proofmass.sim.protocol.curves import split_channel
 from proofmass.sim.protocol.failures import BadModel, Unsupported
 from proofmass.sim.protocol.run import Rod
@@ -82,9 +82,10 @@ def key_names(model: mujoco.MjModel) -> list[str]:
     return [model.key(k).name for k in range(model.nkey)]
 
 
-def sensor_names(model: mujoco.MjModel) -> list[str]:
+@read_once(None)
+def sensor_names(model: mujoco.MjModel) -> tuple[str, ...]:
     """The names of the sensors."""
-    return [model.sensor(s).name for s in range(model.nsensor)]
+    return tuple(model.sensor(s).name for s in range(model.nsensor))
 
 
 def place_sensors(model: mujoco.MjModel) -> list[str]:
@@ -185,22 +186,33 @@ def normal_axis(model: mujoco.MjModel, key: str) -> str | None:
 
     The result is empty if the plane is inclined, None if the mechanism leaves every plane.
     """
-    data = pose_of_key(model, key)
     try:
-        normal = np.abs(find_plane(model, data).normal) if model.njnt else np.zeros(3)
+        normal = np.abs(start_plane(model, key).normal) if model.njnt else np.zeros(3)
     except Unsupported:
         return None
     return "xyz"[int(normal.argmax())] if normal.max() > 1 - PARALLEL_TOLERANCE else ""
 
 
-def has_normal_axis(model: mujoco.MjModel, key: str, s: int) -> bool:
-    """Whether the x axis of sensor number s is normal to the plane of motion: it has no angle."""
+@read_once(None)
+def start_plane(model: mujoco.MjModel, key: str) -> MotionPlane:
+    """The plane of motion in the pose of a key, see `find_plane`."""
+    return find_plane(model, pose_of_key(model, key))
+
+
+@read_once(None)
+def start_places(model: mujoco.MjModel, key: str) -> Array:
+    """The numbers of the sensors of positions and orientations in the pose of a key [SI]."""
     data = pose_of_key(model, key)
     mujoco.mj_comPos(model, data)
     mujoco.mj_sensorPos(model, data)
+    return data.sensordata.copy()
+
+
+def has_normal_axis(model: mujoco.MjModel, key: str, s: int) -> bool:
+    """Whether the x axis of sensor number s is normal to the plane of motion: it has no angle."""
     first = int(model.sensor_adr[s])
     try:
-        flat = find_plane(model, data).flat(data.sensordata[first : first + 3])
+        flat = start_plane(model, key).flat(start_places(model, key)[first : first + 3])
     except Unsupported:
         return False
     return float(np.linalg.norm(flat)) < PARALLEL_TOLERANCE

@@ -12,6 +12,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from threading import local
 from typing import Any
@@ -327,19 +328,26 @@ def oversized_number(model: mujoco.MjModel) -> tuple[str, float] | None:
 
     Its name and the number are returned; None if there is no such field.
     """
-    names = (
-        name
-        for name in dir(model)
-        if name.startswith(NUMBER_PREFIXES) and not name.endswith(UNLIMITED_SUFFIXES)
-    )
     numbers = {"option": np.array([model.opt.timestep, *model.opt.gravity])}
-    fields = {name: getattr(model, name) for name in names}
-    numbers |= {name: values for name, values in fields.items() if values.dtype == np.float64}
+    numbers |= {name: getattr(model, name) for name in number_fields()}
     for name, values in numbers.items():
         wrong = values[~(np.abs(values) <= LARGEST)]
         if wrong.size:
             return name, float(wrong[0])
     return None
+
+
+@cache
+def number_fields() -> tuple[str, ...]:
+    """The fields of a compiled model that have numbers which runs use; they are those of all."""
+    model = mujoco.MjSpec().compile()
+    return tuple(
+        name
+        for name in dir(model)
+        if name.startswith(NUMBER_PREFIXES)
+        and not name.endswith(UNLIMITED_SUFFIXES)
+        and getattr(model, name).dtype == np.float64
+    )
 
 
 def is_nan(word: str) -> bool:

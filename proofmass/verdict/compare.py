@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,46 @@ START_SHARE = 0.1  # share of a dynamics run after which errors of the start pos
 CONSTANT_RANGE = 1e-3
 """Range over size of a curve below which it counts as constant; drives cause as much variation."""
 ZERO_SHARE = 1e-12  # share of the mechanism's size up to which a reference's values count as zero
+
+
+class MechanismSizes(NamedTuple):
+    """Length, mass and time of a mechanism in a run, of which products have the other units.
+
+    Attributes
+    ----------
+    length : float
+        Its size, or the extent of a single body [m].
+    mass : float
+        The mass of all bodies that can move [kg].
+    time : float
+        1 over the largest rate of a drive at the samples (`length` over the largest speed of a
+        slide), or the duration of a free motion [s].  If all samples are at turning points of the
+        drives, the rates are those between them.  0 if neither drives nor the run define one.
+    """
+
+    length: float
+    mass: float
+    time: float
+
+    def scale(self, unit: str, reference: Array) -> float:
+        """The scale of a reference curve (n,) that ``relative_to_range`` refers to [SI].
+
+        The scale is the range of the curve.  If the range is less than a thousandth of the curve's
+        size, the curve counts as constant, and its scale is its size:
+
+        - of a position the size of the mechanism, and of an angle 1 rad, since where a position or
+          an angle is zero is a convention;
+        - of any other curve its largest magnitude;
+        - of any other curve that is zero throughout, the product of powers of length, mass and time
+          that has the `unit`: L / T of a velocity, M L^2 / T^2 of a moment.
+        """
+        own, span = 1.0, float(np.ptp(reference))
+        for base, power in zip(self, unit_powers(unit)[:3], strict=True):
+            own *= (base**power if base else 0.0) if power else 1.0
+        magnitude = float(np.abs(reference).max())
+        if unit in ("m", "rad") or not magnitude > ZERO_SHARE * own:
+            magnitude = own
+        return span if span >= CONSTANT_RANGE * magnitude else magnitude
 
 
 def compare(
@@ -77,7 +117,8 @@ def compare(
     evaluated = reference or RunReference(case, run, curves)
     driven = evaluated.as_driven(curves.drive)
     check_assembly_mode(case, run, curves, driven)
-    check_tolerances(case, run, solver, curves, driven.channels)
+    sizes = mechanism_sizes(case, run, curves)
+    check_tolerances(case, run, solver, sizes, driven.channels)
     changes: dict[str, dict[str, DetectableChange]] = {}
     if detectable:
         changes = detectable_changes(
@@ -93,6 +134,7 @@ def compare(
             driven.channels[name],
             changes.get(name, {}),
             driven.uncertainty.get(name, 0.0),
+            sizes,
         )
         for name in case.channels_of(run)
     ]
@@ -109,14 +151,17 @@ def compare_channel(
     reference: Array,
     detectable: dict[str, DetectableChange],
     reference_error: Array | float = 0.0,
+    sizes: MechanismSizes | None = None,
 ) -> Comparison:
     """Compare one channel: the curves are in SI units, the comparison in the channel's unit.
 
-    `reference_error` is the error that the reference may have at each sample [SI].
+    `reference_error` is the error that the reference may have at each sample [SI].  `sizes` are
+    those of the run, if they were found before.
     """
     tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
     factor = case.channels[name].factor
-    scale = scale_of(case, run, name, curves, reference) / factor
+    sizes = sizes or mechanism_sizes(case, run, curves)
+    scale = sizes.scale(case.channels[name].si_unit, reference) / factor
     allowed = tolerance.allowed(scale) if tolerance else NAN
     place: dict[str, Any] = {
         "case": case.name,
@@ -159,7 +204,7 @@ def compare_channel(
 
 
 def check_tolerances(
-    case: Case, run: Kind, solver: str, curves: Curves, reference: Mapping[str, Array]
+    case: Case, run: Kind, solver: str, sizes: MechanismSizes, reference: Mapping[str, Array]
 ) -> None:
     """Raise InputError if a tolerance lets a curve pass that does not move, see `passes_unmoved`.
 
@@ -175,7 +220,7 @@ def check_tolerances(
         tolerance = case.tolerance_for(run, solver, name)
         if tolerance is None or tolerance.abs is None:  # a share of the range is checked on reading
             continue
-        scale = scale_of(case, run, name, curves, reference[name])
+        scale = sizes.scale(channel.si_unit, reference[name])
         moved = np.ptp(reference[name])
         if channel.si_unit not in POSITION_UNITS:
             moved = np.abs(reference[name]).max()
@@ -296,24 +341,26 @@ def explain_step(case: Case, run: Kind, curves: Curves) -> str:
 
 
 def allowed_error(
-    case: Case, run: Kind, solver: str, name: str, curves: Curves, reference: Array
+    case: Case, run: Kind, solver: str, name: str, sizes: MechanismSizes, reference: Array
 ) -> float | None:
     """The largest error that a channel's tolerance allows [SI]; None if there is no tolerance."""
     if (tolerance := case.tolerance_for(run, solver, name)) is None:
         return None
-    factor = case.channels[name].factor
-    return tolerance.allowed(scale_of(case, run, name, curves, reference) / factor) * factor
+    channel = case.channels[name]
+    scale = sizes.scale(channel.si_unit, reference)
+    return tolerance.allowed(scale / channel.factor) * channel.factor
 
 
 def allowed_errors(
     case: Case, run: Kind, solver: str, curves: Curves, reference: Mapping[str, Array]
 ) -> dict[str, float]:
     """Return the largest allowed error of each channel that a tolerance covers [its SI unit]."""
+    sizes = mechanism_sizes(case, run, curves)
     return {
         name: allowed
         for name in case.channels_of(run)
         if name in curves.channels
-        and (allowed := allowed_error(case, run, solver, name, curves, reference[name])) is not None
+        and (allowed := allowed_error(case, run, solver, name, sizes, reference[name])) is not None
     }
 
 
@@ -322,40 +369,20 @@ def end_of_start(curves: Curves) -> float:
     return float(curves.x[0] + START_SHARE * (curves.x[-1] - curves.x[0]))
 
 
-def scale_of(case: Case, run: Kind, name: str, curves: Curves, reference: Array) -> float:
-    """The scale of a reference curve that ``relative_to_range`` refers to [SI].
-
-    The scale is the range of the curve.  If the range is less than a thousandth of the curve's
-    size, the curve counts as constant, and its scale is its size:
-
-    - of a position the size of the mechanism, and of an angle 1 rad, since where a position or an
-      angle is zero is a convention;
-    - of any other curve its largest magnitude;
-    - of any other curve that is zero throughout, the product of powers of the mechanism's length
-      L, its mass M and a time T that has the unit: L / T of a velocity, M L^2 / T^2 of a moment.
-
-    T is 1 over the largest rate of a drive at the samples (L over the largest speed of a slide), or
-    the duration of a free motion.  If all samples are at turning points of the drives, T is that of
-    the rates between them.
-    """
-    unit, span = case.channels[name].si_unit, float(np.ptp(reference))
+def mechanism_sizes(case: Case, run: Kind, curves: Curves) -> MechanismSizes:
+    """The sizes of the mechanism of a case in a run with these curves."""
     model = compiled_model(case)
-    extent = size(model, case.start) or float(model.stat.extent)  # of a single body: its geoms
-    own = 1.0
-    for base, power in zip(
-        (extent, mass(model), time_scale(case, run, curves, extent)),
-        unit_powers(unit)[:3],
-        strict=True,
-    ):
-        own *= (base**power if base else 0.0) if power else 1.0
-    magnitude = float(np.abs(reference).max())
-    if unit in ("m", "rad") or not magnitude > ZERO_SHARE * own:
-        magnitude = own
-    return span if span >= CONSTANT_RANGE * magnitude else magnitude
+    length = size(model, case.start) or float(model.stat.extent)  # of a single body: its geoms
+    return MechanismSizes(length, mass(model), time_scale(case, run, curves, length))
+
+
+def scale_of(case: Case, run: Kind, name: str, curves: Curves, reference: Array) -> float:
+    """The scale of the reference of one channel [SI], see `MechanismSizes.scale`."""
+    return mechanism_sizes(case, run, curves).scale(case.channels[name].si_unit, reference)
 
 
 def time_scale(case: Case, run: Kind, curves: Curves, extent: float) -> float:
-    """The time T of `scale_of` [s]; 0 if neither drives nor the run define one."""
+    """The time of `MechanismSizes` [s]; 0 if neither drives nor the run define one."""
     if not case.drive:
         return float(np.ptp(curves.x)) if run == "dynamics" else 0.0
     if curves.drive is None or not extent:

@@ -127,11 +127,12 @@ def refinement_runs(case: Case) -> Iterator[FinerRun]:
 def refined_errors(case: Case, run: Kind, solver: str, curves: Curves) -> Comparisons:
     """The comparisons of one run of a study: refined channels only, without detectable changes."""
     from proofmass.reference.evaluate import reference_for
-    from proofmass.verdict.compare import compare_channel
+    from proofmass.verdict.compare import compare_channel, mechanism_sizes
 
     reference = reference_for(case, run, curves).channels
+    sizes = mechanism_sizes(case, run, curves)
     return Comparisons(
-        compare_channel(case, run, solver, name, curves, reference[name], {})
+        compare_channel(case, run, solver, name, curves, reference[name], {}, sizes=sizes)
         for name in case.channels_of(run)
         if case.refine and case.refine.covers(name)
     )

@@ -492,12 +492,13 @@ class Linkage:
             inverse = np.linalg.inv(square)
         except np.linalg.LinAlgError:
             return None
-        sizes = np.square(square).sum(axis=(-2, -1)) * np.square(inverse).sum(axis=(-2, -1))
-        if not (sizes < max_condition**2).all():
+        size, inverse_size = sum_of_squares(square), sum_of_squares(inverse)
+        if not (size * inverse_size < max_condition**2).all():
             return None
         found = np.zeros((*scaled.shape[:-2], self.model.nv, scaled.shape[-2]))
         found[..., rows] = inverse
-        return found * self.shares.T
+        found *= self.shares.T
+        return found
 
     def invert_by_svd(self, left: Array, values: Array, right: Array) -> Array:
         """The pseudo-inverse in SI of the matrix from `scaled`, by its singular values."""
@@ -587,6 +588,12 @@ class Linkage:
             mujoco.mj_rnePostConstraint(model, data)
             mujoco.mj_sensorAcc(model, data)
         return needed @ tangent
+
+
+def sum_of_squares(matrices: np.ndarray) -> Array:
+    """The sum of the squares of the numbers of each matrix (..., rows, columns)."""
+    found: Array = np.einsum("...ij,...ij", matrices, matrices)
+    return found
 
 
 def interpolate_poses(drives: Array, knots: Array, poses: Array, tangents: Array) -> Array:

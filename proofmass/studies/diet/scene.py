@@ -45,7 +45,7 @@ from proofmass.studies.diet.trial import (
     has_time_steps,
 )
 from proofmass.studies.measure import Measurement, measure
-from proofmass.verdict.compare import allowed_error
+from proofmass.verdict.compare import allowed_error, mechanism_sizes
 from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
 
 CHANNEL_ROUNDING_SHARE = 1e-9  # of a channel's largest value; 1e7 times that of one number
@@ -424,9 +424,10 @@ def monitor_run(case: Case, run: Run, solver: str, edited: EditedModel) -> Monit
     before = run_original(case.model_path, edited.compiled(run.rods), run)
     kind = cast(Kind, run.kind)
     reference = call_bounded(case, kind, reference_for, case, kind, before).channels
+    sizes = mechanism_sizes(case, kind, before)
     allowed, largest = dict[str, Array](), dict[str, float]()
     for name, curve in before.channels.items():
-        tolerance = allowed_error(case, kind, solver, name, before, reference[name])
+        tolerance = allowed_error(case, kind, solver, name, sizes, reference[name])
         error = float(np.abs(curve - reference[name]).max())
         allowed_change, rounding = (
             ALLOWED_CHANGE_SHARE * ((tolerance or 0.0) - error),
