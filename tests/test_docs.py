@@ -217,6 +217,17 @@ def test_names_in_the_architecture_are_those_of_the_files() -> None:
         ), f"{file} has no {name}"
 
 
+@pytest.mark.parametrize(
+    "page", ["CONTRIBUTING.md", *(f"docs/{name}.md" for name in ("architecture", "testing"))]
+)
+def test_files_that_a_page_for_contributors_names_exist(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8").replace("/ENGINE/", "/mujoco/")
+    named = re.findall(r"`((?:\w+/)+\w+\.(?:py|js|html|md|toml))`", text)
+    assert named
+    folders = ROOT, ROOT / "proofmass", ROOT / "proofmass" / "report"
+    assert [one for one in named if not any((at / one).exists() for at in folders)] == []
+
+
 def test_public_names_are_on_the_page() -> None:
     told = re.findall(r"^::: proofmass\.(\w+)$", page_text("python"), re.MULTILINE)
     assert sorted(told) == sorted(proofmass.__all__)

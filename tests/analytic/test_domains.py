@@ -248,8 +248,8 @@ def test_every_public_function_is_here_or_said_to_take_no_numbers() -> None:
         and name not in NO_NUMBERS | ITERATIONS
         and getattr(function, "__annotations__", {}).get("return") is not Chart
     ]
-    assert len(modules) == 14
-    assert missing == []
+    assert len(modules) >= 14
+    assert missing == [], "add a call of each to CALLS"
 
 
 @by_call
