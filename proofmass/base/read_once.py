@@ -17,7 +17,7 @@ from proofmass.base.files import content_key
 Reader = TypeVar("Reader", bound=Callable[..., Any])
 KEPT_INPUTS = 256
 """Number of inputs in memory.  A study tries many numbers of rod links, each a compiled model from
-which five other results are read; `proofmass explain` compiles thousands of models of 0.1 MB."""
+which eight other results are read; `proofmass explain` compiles thousands of models of 0.1 MB."""
 served_model: list[Path] = []
 """The model of the last call of `serve_model`; empty before the first."""
 

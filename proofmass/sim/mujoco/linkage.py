@@ -485,9 +485,10 @@ class Linkage:
         singular value may exceed `max_condition`.
         """
         rows = scaled.any(axis=(*range(scaled.ndim - 2), -1))
-        if np.count_nonzero(rows) != self.model.nv:
+        count = np.count_nonzero(rows)
+        if count != self.model.nv:
             return None
-        square = scaled if rows.all() else scaled[..., rows, :]
+        square = scaled if count == rows.size else scaled[..., rows, :]
         try:
             inverse = np.linalg.inv(square)
         except np.linalg.LinAlgError:
@@ -592,7 +593,8 @@ class Linkage:
 
 def sum_of_squares(matrices: np.ndarray) -> Array:
     """The sum of the squares of the numbers of each matrix (..., rows, columns)."""
-    found: Array = np.einsum("...ij,...ij", matrices, matrices)
+    numbers = matrices.reshape(*matrices.shape[:-2], -1)
+    found: Array = np.vecdot(numbers, numbers)
     return found
 
 
