@@ -21,7 +21,7 @@ INTEGRATOR_NAMES = {
     mujoco.mjtIntegrator.mjINT_IMPLICIT: "implicit",
     mujoco.mjtIntegrator.mjINT_IMPLICITFAST: "implicitfast",
 }
-ALL_INTEGRATORS_UP_TO = 60
+ALL_INTEGRATORS_UP_TO = 40
 """Coordinates up to which the limits of all integrators are computed, not only the model's, and
 those of poses on the way, not only those of the start."""
 SAFE_SHARE = 0.8
