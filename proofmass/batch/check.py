@@ -250,6 +250,8 @@ def read_isolated(path: Path) -> Case:
         raise
     except Exception as error:
         words = str(error) or type(error).__name__
+        if names_program(path):
+            raise InputError(path, "reference", f"its program cannot be loaded: {words}") from None
         raise InputError(path, "", f"cannot be read: {words}") from None
 
 
