@@ -17,11 +17,10 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 import proofmass
+from docs.make.references import page_with_references
 from proofmass import Case, check, load_case
-from proofmass.analytic.protocol import REQUIRED
 from proofmass.base.recorded import RecordedColumn
 from proofmass.case.case import ProfileTable
-from proofmass.reference.find import find_reference, reference_names
 from proofmass.run.sidecar import Accuracy
 from proofmass.sim.mujoco.engine import MujocoSettings
 from proofmass.sim.protocol.engine import Engine
@@ -162,27 +161,12 @@ def test_keys_of_recorded_curves_are_documented(
     compare_keys(section(page_text(name), heading), model, {})
 
 
-def test_references_and_their_parameters_are_documented() -> None:
-    there = table_rows(section(page_text("sidecar"), "References").split("Further functions")[0])
-    there = {name: row for name, row in there.items() if len(row) == 2}
-    assert sorted(there) == sorted(reference_names())
-    for name, (_, parameters) in there.items():
-        takes = {
-            key: one.default is REQUIRED for key, one in find_reference(name).parameters.items()
-        }
-        told = {word: bool(bold) for bold, word in re.findall(r"(\*\*)?`(\w+)`", parameters)}
-        assert told == takes, name
-
-
-def test_functions_that_a_sidecar_can_name_are_documented() -> None:
-    there = table_rows(section(page_text("sidecar"), "Functions of references"))
-    for name in reference_names():
-        reference = find_reference(name)
-        cells = there.get(name, ["", "", ""])
-        for cell, functions in zip(
-            cells, (reference.profiles, reference.marks, reference.charts), strict=True
-        ):
-            assert re.findall(r"`(\w+)`", cell) == [one.__name__ for one in functions], name
+def test_references_on_the_page_are_those_of_the_classes() -> None:
+    text = page_text("sidecar")
+    assert text == page_with_references(text), "python -m docs.make.references writes the tables"
+    there = table_rows(section(text, "References").split("Further functions")[0])
+    assert there["fourbar"][1].startswith("**`crank`** [m], **`coupler`** [m], ")
+    assert "`motor`" in table_rows(section(text, "Functions of references"))["hacksaw"][0]
 
 
 def test_the_engine_on_the_page_has_the_protocol_of_engines() -> None:
