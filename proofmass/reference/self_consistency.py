@@ -89,7 +89,7 @@ class Rung:
     Parameters
     ----------
     motion : OwnMotion
-        The solutions; the first run must not fail, see `why_failed`.
+        The solutions; the first run must not fail.
     """
 
     def __init__(self, motion: OwnMotion) -> None:
@@ -424,7 +424,9 @@ def why_failed(motion: OwnMotion) -> str:
     >>> why_failed(OwnMotion(np.arange(2.0), 1.0, (run,), run, run, 0, run, (), None, 1))
     'not finite, after 0 s'
     """
-    own = motion.runs[0]
-    if not own.stopped or (own.late and len(own.points) > 1):
+    own = motion.failed or motion.runs[0]
+    if not own.is_failure:
         return ""
-    return f"{own.stopped}, after {number(motion.times[max(0, len(own.points) - 1)])} s"
+    when = number(motion.times[max(0, len(own.points) - 1)])
+    finer = f"; with {motion.runs[0].name} it comes to its end" if motion.failed else ""
+    return f"{own.stopped}, after {when} s{finer}"

@@ -54,6 +54,8 @@ from proofmass.sim.start import start_state
 
 MAX_HALVINGS, MIN_HALVINGS = 6, 3
 """Largest and smallest number of halvings of the step."""
+MAX_RESCUES = 8
+"""Halvings of the step after which a model that fails is not tried with a finer one."""
 MAX_WORK = 300.0
 """Largest counted processor time of a motion without steps that serves as a reference [s]."""
 SLOWNESS = 20.0
@@ -303,10 +305,22 @@ def solve_in_several_ways(path: Path, run: Run, samples: int, seconds: float) ->
         )
 
     limit = {way: share * seconds for way, share in TIME_SHARES.items()}
-    runs = [stepped(format_integrator(own, step), 1, limit["steps"], times.size)]
-    halvings, n = affordable_halvings(runs[0], limit["steps"])
-    for k in range(1, halvings + 1):
-        runs.append(stepped(format_integrator(own, step / 2**k), 2**k, limit["steps"], n))
+
+    def halved(k: int, n: int) -> OwnRun:
+        return stepped(format_integrator(own, step / 2**k), 2**k, limit["steps"], n)
+
+    first = halved(0, times.size)
+    failed, begin = (first, 1) if first.is_failure and not first.late else (None, 0)
+    while (
+        failed and first.is_failure and begin <= MAX_RESCUES
+    ):  # a stiff model may run with finer steps
+        first = halved(begin, times.size)
+        begin += first.is_failure
+    if failed and first.is_failure:
+        first, failed, begin = failed, None, 0
+    runs = [first]
+    halvings, n = affordable_halvings(first, limit["steps"])
+    runs += [halved(begin + k, n) for k in range(1, halvings + 1)]
     close, rough = (
         solve_without_steps(
             model, data, MotionRecord(points, inputs), times[:n], allowed, limit[way]
@@ -314,14 +328,15 @@ def solve_in_several_ways(path: Path, run: Run, samples: int, seconds: float) ->
         for way, allowed in (("close", NARROW_TOLERANCE), ("rough", WIDE_TOLERANCE))
     )
     k = max((k for k, one in enumerate(runs) if one.work < limit["disturbed"]), default=0)
-    other = stepped("disturbed", 2**k, limit["disturbed"], n, POSE_DISTURBANCE)
+    parts = 2 ** (begin + k)
+    other = stepped("disturbed", parts, limit["disturbed"], n, POSE_DISTURBANCE)
     ways = list[OwnRun]()
-    if own != mujoco.mjtIntegrator.mjINT_RK4:
-        name = format_integrator(mujoco.mjtIntegrator.mjINT_RK4, step)
-        ways.append(stepped(name, 1, limit["others"], n, integrator=mujoco.mjtIntegrator.mjINT_RK4))
+    if own != (rk4 := mujoco.mjtIntegrator.mjINT_RK4):
+        name = format_integrator(rk4, step / 2**begin)
+        ways.append(stepped(name, 2**begin, limit["others"], n, integrator=rk4))
     stiffer = None
     if runs[k].depth.any() or model.neq or model.jnt_limited.any():
-        stiffer = stepped("stiffer", 2**k, limit["others"], n, stiffer=STIFFENING_FACTOR)
+        stiffer = stepped("stiffer", parts, limit["others"], n, stiffer=STIFFENING_FACTOR)
     return OwnMotion(
         times,
         float(model.stat.extent),
@@ -333,6 +348,7 @@ def solve_in_several_ways(path: Path, run: Run, samples: int, seconds: float) ->
         tuple(ways),
         stiffer,
         int(model.nv),
+        failed=failed,
     )
 
 

@@ -46,6 +46,11 @@ class OwnRun:
     work: float = nan
 
     @property
+    def is_failure(self) -> bool:
+        """Whether it ended early, and not since its processor time was over."""
+        return bool(self.stopped) and not (self.late and len(self.points) > 1)
+
+    @property
     def cost(self) -> float:
         """The counted processor time, or the measured one if none is counted [s]."""
         return self.seconds if isnan(self.work) else self.work
@@ -63,7 +68,8 @@ class OwnMotion:
         Size of the model [m].
     runs : tuple of OwnRun
         Runs with the model's own settings and its step, half of it, a quarter of it, ..; those with
-        finer steps may have fewer samples.
+        finer steps may have fewer samples.  If the model fails with its own step, they begin with
+        the first halving that does not.
     close, rough : OwnRun
         Runs by an integrator that chooses its steps, with a narrow and with a wide tolerance.
     compared : int
@@ -80,6 +86,8 @@ class OwnMotion:
         Change of the start pose, as a share of the size [1] and in rad.
     notes : tuple of str
         Warnings of the engine, a sentence each.
+    failed : OwnRun or None
+        The run with the model's own step, if it failed and a finer step does not.
     """
 
     times: Array
@@ -94,6 +102,7 @@ class OwnMotion:
     dof: int
     disturbance: float = 1e-9
     notes: tuple[str, ...] = ()
+    failed: OwnRun | None = None
 
 
 class OwnEquations(EnginePart):

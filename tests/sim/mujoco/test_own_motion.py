@@ -172,6 +172,30 @@ def test_steps_that_cost_far_more_than_counted_are_ended_and_reported(tmp_path, 
     assert motion.runs[0].stopped in why_failed(motion)
 
 
+FAILING = """
+<mujoco><option gravity="0 0 0" timestep="{step}"/><worldbody><body><joint name="j" axis="0 1 0"/>
+<inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/></body></worldbody>
+<actuator><position joint="j" kp="3948" kv="2.5"/></actuator>
+<keyframe><key qpos="0.1" ctrl="0"/></keyframe></mujoco>
+"""
+
+
+@pytest.mark.parametrize(("step", "halvings"), [(2e-3, 0), (4e-3, 1), (16e-3, 3)])
+def test_a_model_that_fails_is_solved_from_the_first_halving_that_does_not(
+    step, halvings, tmp_path
+):
+    # Euler breaks at 2 (sqrt(1 + zeta^2) - zeta) / omega = 2.6 ms
+    motion = solved_motion(tmp_path, FAILING.format(step=step))
+    assert motion.runs[0].step == pytest.approx(step / 2**halvings)
+    assert not motion.runs[0].is_failure
+    assert (motion.failed is not None) == bool(halvings)
+    assert len(motion.runs) >= own_motion.MIN_HALVINGS
+    if halvings:
+        assert f"; with Euler, {1e3 * step / 2**halvings:.4g} ms it comes" in why_failed(motion)
+    else:
+        assert not why_failed(motion)
+
+
 def test_work_grows_with_all_that_costs_time():
     """RK4 evaluates the forces four times; bodies, constraints and implicit damping add to it."""
     text = (

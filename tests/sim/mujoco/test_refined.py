@@ -204,3 +204,46 @@ def test_a_motion_with_changing_controls_equals_the_planar_reference():
     true = evaluate(case.model_copy(update={"reference": "planar"}), "dynamics", x, None).channels
     for channel, curve in true.items():
         assert np.abs(found[channel] - curve).max() < 1e-7 * max(1.0, np.ptp(curve)), channel
+
+
+STIFF_SERVO = """
+<mujoco><option gravity="0 0 0" timestep="{step}"/><worldbody><body><joint name="j" axis="0 1 0"/>
+<inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/></body></worldbody>
+<actuator><position joint="j" kp="3948" kv="2.5"/></actuator><sensor><jointpos name="j" joint="j"/>
+</sensor><keyframe><key name="start" qpos="0.1" ctrl="0"/></keyframe></mujoco>
+"""
+STIFF_SIDECAR = """
+title = "A servo that needs finer steps than its model has"
+source = "MuJoCo's issue 3443: kp 3948, kv 2.5 on 0.01 kg m2"
+reference = "refined"
+[run.dynamics]
+until = 0.02
+n = 41
+solvers = ["mujoco"]
+[settings.mujoco]
+timestep = 2.5e-5
+integrator = "RK4"
+[[tolerance]]
+run = "dynamics"
+solver = "mujoco"
+relative_to_range = 1e-4
+why = "RK4 with 25 us and a frequency of 628 rad/s: (h omega)^4 is 6e-8 a step, over 800 steps"
+"""
+
+
+@pytest.mark.parametrize("step", [5e-4, 5e-3])
+def test_a_model_that_fails_with_its_own_step_has_a_reference(step, tmp_path):
+    # Euler breaks at 2 (sqrt(1 + zeta^2) - zeta) / omega = 2.6 ms: the first step runs
+    (tmp_path / "stiff.xml").write_text(STIFF_SERVO.format(step=step), encoding="utf-8")
+    (tmp_path / "stiff.toml").write_text(STIFF_SIDECAR, encoding="utf-8")
+    case = load_case(tmp_path / "stiff.toml")
+    t = run_samples(case, "dynamics")
+    found = evaluate(case, "dynamics", t, None).channels["j"]
+    omega = np.sqrt(3948 / 0.01)
+    zeta = 2.5 / (2 * 0.01 * omega)
+    damped = omega * np.sqrt(1 - zeta**2)
+    exact = 0.1 * np.exp(-zeta * omega * t)
+    exact *= np.cos(damped * t) + zeta * omega / damped * np.sin(damped * t)
+    assert found == pytest.approx(exact, abs=1e-8)
+    [compared] = compare(case, "dynamics", "mujoco", solve(case, "dynamics", "mujoco"))
+    assert compared.outcome == "agrees"
