@@ -421,8 +421,17 @@ class Reference:
     def evaluate(
         cls, parameters: Mapping[str, Value], motion: InputMotion, ask: Ask
     ) -> dict[str, Array]:
-        """Curves with these parameters, (n,) each [SI, rad], see `solve`."""
-        return {name: np.asarray(c) for name, c in cls(**parameters).solve(motion, ask).items()}
+        """Curves with these parameters, (n,) each or one number [SI, rad], see `solve`.
+
+        Raises
+        ------
+        BadCurves
+            The method `solve` returned something else.
+        """
+        found = cls(**parameters).solve(motion, ask)
+        if not isinstance(found, Mapping):
+            raise BadCurves(f"solve must return a dict of curves by name, got {found!r:.60}")
+        return {name: read_curve(name, curve, motion.x) for name, curve in found.items()}
 
     @classmethod
     def leaves_dof(cls, model: Any, start: str, joints: tuple[str, ...]) -> bool | None:
@@ -442,6 +451,33 @@ class Reference:
     def describe(cls) -> str:
         """The first paragraph of its docstring, in one line."""
         return (inspect.getdoc(cls) or "").partition("\n\n")[0].replace("\n", " ")
+
+
+class BadCurves(ValueError):
+    """A reference returned no dict of curves (n,) of numbers; the message names the curve."""
+
+
+def read_curve(name: str, curve: ArrayLike, x: Array) -> Array:
+    """A curve that a reference returned, as an array of the shape of x or without axes.
+
+    >>> read_curve("slider", [0.3, 0.1], np.zeros(3))
+    Traceback (most recent call last):
+    proofmass.analytic.protocol.BadCurves: curve 'slider' has shape (2,), and must have (3,)
+    """
+    try:
+        found = np.asarray(curve)
+    except ValueError:  # lists of different lengths
+        found = np.asarray(None)
+    if found.dtype.kind not in "biuf":
+        raise BadCurves(f"curve {name!r} must be an array of real numbers, got {curve!r:.60}")
+    wanted = np.shape(x)
+    if found.shape not in ((), wanted):
+        hint = "; motion.drive has arrays (n,), motion.drives has arrays (drives, n)"
+        raise BadCurves(
+            f"curve {name!r} has shape {found.shape}, and must have {wanted}"
+            f"{hint if found.shape == (1, *wanted) else ''}"
+        )
+    return found
 
 
 def read_fields(cls: type[Reference]) -> dict[str, Parameter]:

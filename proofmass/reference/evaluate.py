@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from proofmass.analytic.numerics import NotCovered
-from proofmass.analytic.protocol import Ask, InputMotion, Reference
+from proofmass.analytic.protocol import Ask, BadCurves, InputMotion, Reference
 from proofmass.analytic.remember import call_once
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError, suggest_names
@@ -14,7 +14,13 @@ from proofmass.base.recording import Recorded
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
 from proofmass.case.drive import DriveState
-from proofmass.reference.find import load_reference, reference_class
+from proofmass.reference.find import (
+    is_shipped,
+    load_reference,
+    place_of_error,
+    reference_class,
+    source_file,
+)
 from proofmass.reference.model_run import model_run
 from proofmass.reference.profiles import (
     DRIVE_PREFIX,
@@ -70,6 +76,8 @@ def evaluate(
         known = all_quantities(case, kind, x, state, parameters)
     shown = {name: known[name] for name in more if name in known}
     channels = reference_channels(case, x, known)
+    if not changed and np.isfinite(x).all() and (state is None or np.isfinite(state).all()):
+        require_finite(case, kind, x, channels)
     unsure = interpolation_errors(case, kind, x) if case.recorded else {}
     return ReferenceCurves(x, channels, shown=shown, uncertainty=unsure)
 
@@ -184,9 +192,52 @@ def call_reference(
         raise InputError(
             case.model_path, "", f"the reference {case.reference!r} does not cover it: {error}"
         ) from None
-    except (TypeError, ValueError) as error:
+    except BadCurves as error:
+        raise case.error("reference", f"{source_file(reference).name}: {error}") from None
+    except Exception as error:
+        require_bad_input(case, reference, error)
         key = key if parameters else "drive" if case.drive else "model"
-        raise case.error(key, str(error)) from None
+        place = place_of_error(error, reference)
+        raise case.error(key, f"{place}: {error}" if place else str(error)) from None
+
+
+def require_bad_input(case: Case, reference: type[Reference], error: Exception) -> None:
+    """Raise an error of a reference again, unless it says that the sidecar is wrong.
+
+    Raises
+    ------
+    InputError
+        The error is a fault of a program of somebody's own, whose line it names.
+    Exception
+        The error is one of proofmass, or of the computer.
+    """
+    if isinstance(error, ValueError):
+        return
+    place = place_of_error(error, reference)
+    if place and not isinstance(error, MemoryError):
+        words = " ".join(f"{place}: {type(error).__name__}: {error}".split())
+        raise case.error("reference", words) from error
+    if not isinstance(error, TypeError):
+        raise error
+
+
+def require_finite(case: Case, kind: Kind, x: Array, channels: Mapping[str, Array]) -> None:
+    """Raise InputError for a curve of somebody's own reference that is no number at some x.
+
+    References of proofmass have NaN where there is no pose, such as beyond the fold of a rod.
+    """
+    reference = reference_class(case)
+    if reference is None or is_shipped(reference):
+        return
+    for name in case.channels_of(kind):
+        bad = np.flatnonzero(~np.isfinite(channels[name]))
+        if bad.size:
+            raise case.error(
+                "reference",
+                f"{source_file(reference).name}: curve {case.channels[name].equals!r} is "
+                f"{channels[name][bad[0]]} at x = {x[bad[0]]:g} of run.{kind}, and must be a "
+                "number; where the mechanism has no pose, raise a ValueError that says why",
+            )
 
 
 def require_known(
@@ -261,8 +312,9 @@ def properties(case: Case, beside: str | None = None) -> dict[str, str]:
             motion = InputMotion(x, (value, rate, acceleration))
     try:
         return {**reference(**parameters).properties(motion, ask), **known}
-    except (TypeError, ValueError):  # the parameters are wrong, which the runs report
-        return {}
+    except Exception as error:
+        require_bad_input(case, reference, error)
+        return {}  # the parameters are wrong, which the runs report
 
 
 def describe_error(reference: type[Reference]) -> dict[str, str]:

@@ -6,6 +6,7 @@ is code, and runs when the sidecar is loaded. So a command runs it only if the u
 sidecar, and not because it lies in a folder that is searched.
 """
 
+import inspect
 import sys
 from functools import cache
 from pathlib import Path
@@ -199,16 +200,48 @@ def last_line(error: BaseException, file: Path) -> str:
     return f", line {lines[-1]}" if lines[-1] else ""
 
 
+def source_file(reference: type[Reference]) -> Path:
+    """The Python file that defines a reference."""
+    return Path(inspect.getfile(reference))
+
+
+def is_shipped(reference: type[Reference]) -> bool:
+    """Whether proofmass itself has a reference, so that its errors are no input of the user."""
+    return reference.__module__.partition(".")[0] == "proofmass"
+
+
+def place_of_error(error: BaseException, reference: type[Reference]) -> str:
+    """Where in the file of somebody's own reference an error was raised: ``yoke.py, line 3``.
+
+    Empty for a reference of proofmass, and for an error that was raised outside that file.
+    """
+    if is_shipped(reference):
+        return ""
+    file = source_file(reference)
+    line = last_line(error, file)
+    return f"{file.name}{line}" if line else ""
+
+
 def checked(reference: type[Reference]) -> type[Reference]:
     """The class of a reference if it is complete.
 
     Raises
     ------
     NoReference
-        It has no method `solve`, or the unit of a parameter is unknown.
+        It has no method `solve`, a method takes other arguments, or the unit of a parameter is
+        unknown.
     """
     if reference.solve is Reference.solve:
         raise NoReference(f"{reference.__name__} has no method solve")
+    for method in ("solve", "properties"):
+        try:
+            inspect.signature(getattr(object.__new__(reference), method)).bind("motion", "ask")
+        except TypeError:
+            here = inspect.signature(getattr(reference, method))
+            raise NoReference(
+                f"{source_file(reference).name}: {reference.__name__}.{method} takes "
+                f"(self, motion, ask); here: {here}"
+            ) from None
     for one in reference.parameters.values():
         try:
             si_unit(one.unit or "1")

@@ -1,6 +1,5 @@
 """The reference of a run: at the motion that its drives had, and at changed parameters."""
 
-from contextlib import suppress
 from functools import cached_property
 from typing import cast
 
@@ -81,8 +80,7 @@ class RunReference:
     def properties(self) -> dict[str, str] | None:
         """The properties of the case if this is its first run, whose motion they are of."""
         if self.run == next(iter(self.case.run)):
-            with suppress(InputError):
-                return properties(self.case)
+            return properties(self.case)
         return None
 
     def step(self, key: str, share: float) -> float:

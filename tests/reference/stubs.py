@@ -56,7 +56,8 @@ def make_reference(solve=None, **attributes) -> type[Reference]:
         return solve(motion, ask, **self.values)
 
     fields = {"__annotations__": {"length": Position, "mode": Mode}, "length": 1.0, "mode": 1}
-    return type("Made", (Reference,), {**fields, "solve": call, **attributes})
+    module = {"__module__": Reference.__module__}  # as one of proofmass
+    return type("Made", (Reference,), {**module, **fields, "solve": call, **attributes})
 
 
 def use_reference(monkeypatch, **attributes):

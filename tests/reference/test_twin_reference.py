@@ -10,6 +10,7 @@ import re
 import shutil
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from proofmass.base.errors import InputError
 from proofmass.base.installation import describe_installation
 from proofmass.base.worker import close_idle_workers
 from proofmass.commands.cli import app
+from proofmass.evidence.diagnosis import find_causes
 from proofmass.reference.find import find_reference, load_reference, reference_names
 from proofmass.run.case_files import input_files
 from proofmass.run.fingerprint import digest_recorded_files
@@ -250,6 +252,16 @@ def test_a_reference_that_cannot_be_used_is_one_line_with_its_place(site, tmp_pa
             "length: Annotated[float, Quantity('furlong per')]",
             "Swing.length: unknown unit 'furlong per'",
         ),
+        (
+            "def solve(self, motion, ask)",
+            "def solve(self, motion)",
+            "twin.py: Swing.solve takes (self, motion, ask); here: (self, motion)",
+        ),
+        (
+            "def properties(self, motion, ask)",
+            "def properties(self)",
+            "twin.py: Swing.properties takes (self, motion, ask); here: (self)",
+        ),
         ("class Swing", "raise SystemExit(3)\nclass Swing", "SystemExit: 3"),
     ],
 )
@@ -289,6 +301,76 @@ def test_bad_input_of_a_program_names_the_key_of_the_sidecar(tmp_path, old, new,
     (error,) = check([file], jobs=1).errors
     assert error.key == key
     assert words in str(error)
+
+
+RESULT = 'return {"angle": angle, "rate": rate}'
+LINE = SOURCE[: SOURCE.index(RESULT)].count("\n") + 1
+FAULTS_OF_RESULTS = [
+    (
+        'return {"angle": angle[:1], "rate": rate}',
+        "curve 'angle' has shape (1,), and must have (2,)",
+    ),
+    ('return {"angle": [angle], "rate": rate}', "motion.drive has arrays (n,), motion.drives"),
+    ('return {"angle": "left", "rate": rate}', "curve 'angle' must be an array of real numbers"),
+    ('return {"angle": [1, [2]], "rate": rate}', "curve 'angle' must be an array of real numbers"),
+    ('return {"angle": 1j * angle, "rate": rate}', "curve 'angle' must be an array of real num"),
+    ("return angle, rate", "solve must return a dict of curves by name, got ("),
+    (
+        'return {"angle": angle + np.nan, "rate": rate}',
+        "curve 'angle' is nan at x = 0 of run.dynam",
+    ),
+    (
+        'return {"angle": angle, "rate": np.where(motion.x > 0.5, np.inf, rate)}',
+        "curve 'rate' is inf at x = 0.51 of run.dynamics",
+    ),
+]
+FAULTS_OF_LINES = [
+    ("return motion.way", "AttributeError: 'InputMotion' object has no attribute 'way'"),
+    ("return [][0]", "IndexError: list index out of range"),
+    ("return len(1.0)", "TypeError: object of type 'float' has no len()"),
+    ("assert not len(angle), 'one\\ntwo'", "AssertionError: one two"),
+]
+
+
+@pytest.mark.parametrize(("new", "words"), FAULTS_OF_RESULTS)
+def test_a_result_that_is_no_dict_of_curves_of_numbers_names_the_curve(tmp_path, new, words):
+    (error,) = check([write_sidecar(tmp_path, "twin.py", SOURCE.replace(RESULT, new))]).errors
+    assert error.key == "reference"
+    assert error.wrong.startswith("twin.py: ")
+    assert words in error.wrong
+
+
+@pytest.mark.parametrize(("new", "words"), FAULTS_OF_LINES)
+def test_an_exception_of_solve_names_its_line(tmp_path, new, words):
+    (error,) = check([write_sidecar(tmp_path, "twin.py", SOURCE.replace(RESULT, new))]).errors
+    assert error.key == "reference"
+    assert error.wrong == f"twin.py, line {LINE}: {words}"
+
+
+def test_a_value_error_of_solve_is_bad_input_of_the_parameters_with_its_line(tmp_path):
+    source = SOURCE.replace(RESULT, "raise ValueError('too long')")
+    (error,) = check([write_sidecar(tmp_path, "twin.py", source)]).errors
+    assert (error.key, error.wrong) == ("parameters", f"twin.py, line {LINE}: too long")
+
+
+def test_an_exception_of_properties_names_its_line(tmp_path):
+    source = SOURCE.replace('return {"small swings"', 'return {"small swings": motion.way, "s"')
+    (error,) = check([write_sidecar(tmp_path, "twin.py", source)]).errors
+    assert error.key == "reference"
+    assert error.wrong.startswith(f"twin.py, line {LINE + 3}: AttributeError: ")
+
+
+def test_a_curve_without_numbers_is_named_where_no_cause_can_be_searched_for():
+    case = load_case(shipped("pendulum.toml"))
+    curves = solve(case, "dynamics", "mujoco")
+    angle = curves.channels["angle"].copy()
+    angle[3:] = np.nan
+    found = find_causes(
+        case, "dynamics", "mujoco", replace(curves, channels={**curves.channels, "angle": angle})
+    )
+    assert found.lines == [
+        f"causes were not searched for: the curve of angle is no number at x = {curves.x[3]:g}"
+    ]
 
 
 @pytest.mark.parametrize("text", ["250 kg", "long"])

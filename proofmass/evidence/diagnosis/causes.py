@@ -121,6 +121,7 @@ def find_causes(
         tuple(residuals.log.untried),
         tuple(remarks),
         time.perf_counter() - begin,
+        fault="" if residuals.differing else "; ".join(residuals.gaps),
     )
 
 

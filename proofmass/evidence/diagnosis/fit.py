@@ -161,6 +161,14 @@ class Residuals:
             for name, allowed in allowed_errors(case, run, solver, curves, reference).items()
             if allowed and np.isfinite(curves.channels[name]).all()
         }
+        self.gaps = [
+            f"the {whose} of {name} is no number at x = {curves.x[gaps[0]]:g}"
+            for whose, found in (("curve", curves.channels), ("reference", reference))
+            for name in case.channels_of(run)
+            if name in curves.channels
+            and case.tolerance_for(run, solver, name)
+            and (gaps := np.flatnonzero(~np.isfinite(found[name]))).size
+        ]
         self.curve = self.scaled(curves.channels)
         self.reference = self.scaled(reference)
         self.before = self.subtract(self.reference)
