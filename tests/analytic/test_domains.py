@@ -33,8 +33,10 @@ from proofmass.analytic.linkages import (
     threeprr,
 )
 from proofmass.analytic.numerics import LARGEST
-from proofmass.analytic.protocol import Reference
+from proofmass.analytic.protocol import ClosedForm, Reference
 from proofmass.base.entry_points import entry_points_of
+from proofmass.base.units import unit_powers
+from proofmass.reference.find import find_reference, reference_names
 
 
 @dataclass(frozen=True)
@@ -320,36 +322,49 @@ def test_a_whole_number_and_an_array_without_axes_are_numbers(call: Call) -> Non
                 call.function(**{**call.arguments, name: int(valid)})
 
 
-LENGTHS = {"crank", "coupler", "rocker", "ground", "offset", "bar", "rod", "ground_x", "pivot_x"}
-LENGTHS |= {*FIVE, *ROBOT, "sliders"}
-ANGLES_AND_RATES = {
-    f"{name}{part}"
-    for name in ("coupler", "rocker", "left_coupler", "right_coupler", "rod")
-    for part in ("_angle", "_rate")
-} | {"theta3", "theta3_rate", "psi", "psi_rate"}
+CLASSES = {
+    found.function: found
+    for found in map(find_reference, reference_names())
+    if issubclass(found, ClosedForm)
+}
+LINKAGES = [
+    call
+    for call in CALLS
+    if call.function in CLASSES and call.shapes == "any" and "acceleration" in call.arguments
+]
+LARGEST_POWER = 2
+"""Largest power of length in the unit of a curve: that of a moment."""
+
+
+def in_smaller_unit(call: Call, scale: float) -> dict[str, Any]:
+    """The arguments of a linkage without loads, in a unit of length that is smaller by a factor."""
+    kinds = CLASSES[call.function].parameters
+    units = {key: one.unit for key, one in kinds.items() if one.is_quantity}
+    if "angle" not in call.arguments:
+        units |= dict.fromkeys(list(call.arguments)[:3], "m")
+    lengths = {key: unit_powers(unit)[0] for key, unit in units.items()}
+    return {
+        key: np.multiply(value, scale ** lengths.get(key, 0.0))
+        for key, value in {"gravity": 9.81, **call.arguments}.items()
+        if (key in kinds or is_motion(call, key)) and not unit_powers(units.get(key, "1"))[1]
+    }
 
 
 @pytest.mark.parametrize("power", [-128, 128])
-@pytest.mark.parametrize(
-    "call",
-    [one for one in CALLS if one.function.__name__ == "solve" and LENGTHS & one.arguments.keys()],
-    ids=lambda call: call.name,
-)
-def test_rates_of_a_linkage_do_not_depend_on_its_size(call: Call, power: int) -> None:
+@pytest.mark.parametrize("call", LINKAGES, ids=lambda call: call.name)
+def test_curves_of_a_linkage_change_by_a_power_of_its_size(call: Call, power: int) -> None:
     """Next to the largest and the smallest lengths products of lengths neither overflow nor vanish.
 
-    Lengths that differ by a power of four have products and roots with the same digits.
+    Lengths that differ by a power of four have products and roots with the same digits, so that an
+    angle or its rate stays the same, and a length or its rate changes as the size does.
     """
     scale = 2.0**power
     assert 1.0 / LARGEST < scale < LARGEST
-    scaled = {
-        name: np.multiply(
-            value, scale if name in LENGTHS or (call.rows, name) == (3, "rate") else 1
-        )
-        for name, value in call.arguments.items()
-    }
-    expected, found = call.function(**call.arguments), call.function(**scaled)
-    names = ANGLES_AND_RATES & expected.keys()
-    assert len(names) >= 2
-    for name in names:
-        np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
+    expected = call.function(**in_smaller_unit(call, 1.0))
+    found = call.function(**in_smaller_unit(call, scale))
+    changed = [name for name, curve in expected.items() if np.any(curve)]
+    assert len(changed) >= 2
+    for name in changed:
+        assert any(
+            np.array_equal(found[name], expected[name] * scale**k) for k in range(LARGEST_POWER + 1)
+        ), (name, found[name], expected[name])
