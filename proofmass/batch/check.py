@@ -67,9 +67,8 @@ class Result(ShownAsHtml):
 
     Curves, diagnoses and notes are stored by the names of case, run and solver.  Curves that were
     compared have their reference with them, see `ComparedCurves`; they are not kept where a
-    `CaseConsumer` took them.  `failed` has the curves of failed runs, up
-    to the failure; `notes` has the remarks on the others.  Only runs that differ or failed have a
-    diagnosis.
+    `CaseConsumer` took them.  `failed` has the curves of failed runs, up to the failure; `notes`
+    has the remarks on the others.  Only runs that differ or failed have a diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
     `screens` has the first screens of models without a sidecar, and of models that blew up, by the
     names of their cases.
