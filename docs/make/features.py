@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from benchmarks import ROOT, command
+from docs.make.marks import write_between
 from proofmass.analytic.features import FEATURES
 from proofmass.analytic.planar.support import SUPPORT as PLANAR
 from proofmass.analytic.refined import SUPPORT as REFINED
@@ -58,9 +59,7 @@ def table() -> str:
 
 def page_with_table(text: str) -> str:
     """The text of the page with the present table."""
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{table()}\n\n{END}{after}"
+    return write_between(text, BEGIN, END, table())
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from inspect import getdoc
 
 from benchmarks import ROOT, command
+from docs.make.marks import write_between
 from proofmass.analytic.protocol import REQUIRED, Parameter, Reference
 from proofmass.reference.find import find_reference, reference_names
 
@@ -74,10 +75,7 @@ def as_table(rows: Iterable[Sequence[str]]) -> str:
 def page_with_references(text: str) -> str:
     """The text of the page with the present tables."""
     for name, table in (("parameters", parameters_table()), ("functions", functions_table())):
-        begin, end = TABLES_BEGIN.format(name), TABLES_END.format(name)
-        before, _, rest = text.partition(begin)
-        _, _, after = rest.partition(end)
-        text = f"{before}{begin}\n\n{table}\n\n{end}{after}"
+        text = write_between(text, TABLES_BEGIN.format(name), TABLES_END.format(name), table)
     return text
 
 

@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.screen.finding import NamedElement
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.stable_step import StepLimit, StepMatrices
+from proofmass.sim.dense import moment_arms
 
 CHANGE = 1e-6
 """Step of the differences of actuator forces [rad or m, and per s]."""
@@ -116,7 +116,7 @@ def actuator_parts(motion: LinearMotion, shape: Array) -> tuple[Array, Array]:
     """The stiffness and the damping (actuators,) that actuators add to a mode of a real shape."""
     pose = motion.pose
     pose.enter(pose.qpos)
-    arms = moment_arms(pose.data)
+    arms = moment_arms(pose.model, pose.data)
     still = np.array(pose.data.actuator_force)
     pose.enter(pose.moved(CHANGE * shape))
     moved = np.array(pose.data.actuator_force)
@@ -125,13 +125,3 @@ def actuator_parts(motion: LinearMotion, shape: Array) -> tuple[Array, Array]:
     pose.enter(pose.qpos)
     lever = -(arms @ shape) / CHANGE
     return lever * (moved - still), lever * (moving - still)
-
-
-def moment_arms(data: mujoco.MjData) -> Array:
-    """The moment arms (actuators, nv) of the actuators [1 or m]."""
-    arms = np.zeros((data.model.nu, data.model.nv))
-    if arms.size:
-        mujoco.mju_sparse2dense(
-            arms, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-        )
-    return arms

@@ -13,8 +13,7 @@ import numpy as np
 from proofmass.base.arrays import Array
 from proofmass.base.wording import number
 from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
-from proofmass.screen.pose import RestPose
-from proofmass.screen.start_checks import HINGE, SLIDE, joint_unit
+from proofmass.screen.pose import HINGE, SLIDE, RestPose, coordinate_unit
 
 STEP = 0.04
 """Largest motion of a coordinate from a pose to the next [rad, or share of the extent]."""
@@ -52,7 +51,8 @@ def find_change_points(pose: RestPose) -> Iterator[tuple[NamedElement, float, st
                 share = (before.value - after.value) / (before.value + after.value)
                 span = float(after.qpos[address] - before.qpos[address])
                 place = float(here.qpos[address]) + 0.5 * span * share
-                yield pose.element("joint", joint), place, joint_unit(model, joint)
+                unit = coordinate_unit(model, int(model.jnt_dofadr[joint]))
+                yield pose.element("joint", joint), place, unit
                 break
 
 

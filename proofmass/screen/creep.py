@@ -22,9 +22,8 @@ from proofmass.base.arrays import Array, Index
 from proofmass.base.wording import number
 from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
 from proofmass.screen.linear import LinearMotion
-from proofmass.screen.pose import RANK_SHARE, named_element
-from proofmass.screen.short_run import drift
-from proofmass.screen.start_checks import joint_unit
+from proofmass.screen.pose import HINGE, RANK_SHARE, SLIDE, coordinate_unit
+from proofmass.screen.short_run import run_as_it_is, steps_of_run
 
 FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 AT_STOP = 0.01
@@ -33,8 +32,8 @@ LEAST_CREEP = 1e-6
 """Least speed that is told [rad/s or m/s]."""
 SEEN_CREEP = 1e-3
 """Speed from which a creeping joint is a fault [rad/s or m/s]: 3 degrees in a minute."""
-STIFF_IMPEDANCE = 0.9999
-"""The largest impedance that MuJoCo accepts [1] (mjMAXIMP)."""
+STIFF_IMPEDANCE = float(mujoco.mjMAXIMP)
+"""The largest impedance that MuJoCo accepts [1], 0.9999."""
 WORTHWHILE_SLOWNESS = 2.0
 """How much slower a proposed impedance has to make a joint [1]."""
 CONFIRMED_SHARE = 0.5
@@ -77,10 +76,7 @@ def find_creep(
     for group in coupled_groups(motion, coordinates):
         rubbing = np.intersect1d(group, coordinates)
         speeds = group_speeds(motion, group, rubbing, viscosity, forces)
-        if (
-            speeds is None
-            or (np.abs(viscosity[rubbing] * speeds) > model.dof_frictionloss[rubbing]).any()
-        ):
+        if speeds is None or slips(model, rubbing, viscosity[rubbing] * speeds):
             continue
         for k, speed in zip(rubbing, speeds, strict=True):
             if abs(speed) > LEAST_CREEP and not is_at_stop(model, pose.qpos, int(k), float(speed)):
@@ -91,6 +87,11 @@ def find_creep(
                     float(viscosity[k] * speed),
                     float(model.dof_frictionloss[k]),
                 )
+
+
+def slips(model: mujoco.MjModel, rubbing: Index, loads: Array) -> bool:
+    """Whether loads of joints with friction are more than it can hold."""
+    return bool((np.abs(loads) > model.dof_frictionloss[rubbing]).any())
 
 
 def group_speeds(
@@ -127,7 +128,7 @@ def coupled_groups(motion: LinearMotion, coordinates: Index) -> Iterator[Index]:
 def is_at_stop(model: mujoco.MjModel, qpos: Array, coordinate: int, speed: float) -> bool:
     """Whether the stop towards which a joint would creep holds it."""
     j = int(model.dof_jntid[coordinate])
-    if not model.jnt_limited[j]:
+    if not model.jnt_limited[j] or model.jnt_type[j] not in (HINGE, SLIDE):
         return False
     stop = model.jnt_range[j][int(speed > 0.0)]
     return bool(abs(qpos[model.jnt_qposadr[j]] - stop) < AT_STOP * np.ptp(model.jnt_range[j]))
@@ -140,11 +141,11 @@ def judge_creep(
     found = list(find_creep(model, data, motion))
     if not found:
         return
-    moved, seconds = drift(model, key)
+    data, moved = run_as_it_is(model, key, steps_of_run(model.opt.timestep))
     for creep in found:
-        if moved[creep.coordinate] / (creep.speed * seconds) < CONFIRMED_SHARE:
+        if moved[creep.coordinate] / (creep.speed * data.time) < CONFIRMED_SHARE:
             continue
-        unit = joint_unit(model, int(model.dof_jntid[creep.coordinate]))
+        unit = coordinate_unit(model, creep.coordinate)
         force = "N m" if unit == "rad" else "N"
         yield ModelFinding(
             FindingKind.CREEP,
@@ -153,7 +154,7 @@ def judge_creep(
             f"of {number(creep.friction)} {force} would hold its load of "
             f"{number(abs(creep.load))} {force}: MuJoCo's dry friction is soft",
             propose_stiffer(model, creep),
-            named_element(model, "joint", int(model.dof_jntid[creep.coordinate])),
+            creep.joint,
             creep.speed,
         )
 

@@ -9,8 +9,7 @@ from proofmass.base.arrays import Array
 from proofmass.base.wording import number
 from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
 from proofmass.screen.mobility import CLOSURES, equality_element
-from proofmass.screen.pose import RestPose
-from proofmass.screen.start_checks import joint_unit
+from proofmass.screen.pose import RestPose, coordinate_unit
 
 TOLD_OPENING_SHARE, TOLD_OPENING_ANGLE = 1e-4, 1e-3
 """Opening of a loop that is noticed: a share of the model's extent [1], and an angle [rad]."""
@@ -76,11 +75,11 @@ def judge_closing(pose: RestPose, left: float, change: Array) -> Iterator[ModelF
     if change.size and np.abs(change).max() > TOLD_OPENING_ANGLE:
         k = int(np.argmax(np.abs(change)))
         joint = pose.joint_of(k)
-        unit = joint_unit(model, int(model.dof_jntid[k]))
+        moved = f"{number(float(change[k]))} {coordinate_unit(model, k)}"
         yield ModelFinding(
             FindingKind.OPEN_LOOP,
             Severity.NOTE,
-            f"the loops close where {joint} is {number(float(change[k]))} {unit} further",
+            f"the loops close where {joint} is {moved} further",
             "give that pose as a key",
             element=joint,
             value=float(change[k]),

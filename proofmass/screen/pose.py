@@ -15,6 +15,7 @@ import numpy as np
 
 from proofmass.base.arrays import Array, Index
 from proofmass.screen.finding import NamedElement
+from proofmass.sim.dense import constraint_rows, mass_matrix
 
 RANK_SHARE = 1e-6
 """Least singular value of independent constraints, as a share of the largest.  Shipped and public
@@ -28,6 +29,7 @@ MAX_STEP = 0.3
 """Largest step of Newton's method [rad or m]: beyond it another assembly mode may be reached."""
 LEAST_MASS = 1e-12
 """Least mass that scales a step of Newton's method [kg or kg m^2]."""
+HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
 
 
@@ -85,9 +87,7 @@ class RestPose:
     @property
     def masses(self) -> Array:
         """The mass matrix (nv, nv) [kg, kg m, kg m^2]."""
-        full = np.zeros((self.model.nv, self.model.nv))
-        mujoco.mj_fullM(self.model, self.data, full)
-        return full
+        return mass_matrix(self.model, self.data)
 
     @property
     def forces(self) -> Array:
@@ -102,16 +102,7 @@ class RestPose:
     @property
     def all_rows(self) -> Array:
         """The Jacobian (rows, nv) of all constraints that MuJoCo found in the pose."""
-        data, nv = self.data, self.model.nv
-        if not data.nefc:
-            return np.zeros((0, nv))
-        if not mujoco.mj_isSparse(self.model):
-            return np.array(data.efc_J[: data.nefc * nv]).reshape(data.nefc, nv)
-        rows = np.zeros((data.nefc, nv))
-        mujoco.mju_sparse2dense(
-            rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
-        )
-        return rows
+        return constraint_rows(self.model, self.data).copy()
 
     @property
     def constraints(self) -> "Constraints":
@@ -218,3 +209,11 @@ def named_element(model: mujoco.MjModel, kind: str, number: int) -> NamedElement
     """An element of a model by its number: its name, or the number if it has none."""
     object_type = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
     return NamedElement(kind, mujoco.mj_id2name(model, object_type, number) or str(number))
+
+
+def coordinate_unit(model: mujoco.MjModel, coordinate: int) -> str:
+    """The unit of a coordinate: m of a slide and of the place of a free joint, rad of another."""
+    joint = model.dof_jntid[coordinate]
+    kind, place = model.jnt_type[joint], coordinate - model.jnt_dofadr[joint]
+    moves = kind == SLIDE or (kind == mujoco.mjtJoint.mjJNT_FREE and place < 3)
+    return "m" if moves else "rad"

@@ -20,7 +20,7 @@ from proofmass.screen.loops import judge_closing, judge_openings
 from proofmass.screen.mobility import Mobility, find_mobility, judge_mobility
 from proofmass.screen.pins import judge_free_ends, judge_pins
 from proofmass.screen.pose import RestPose
-from proofmass.screen.short_run import first_motion, start_of
+from proofmass.screen.short_run import run_as_it_is, start_of
 from proofmass.screen.soft_loops import judge_soft_loops, judge_stops
 from proofmass.screen.start_checks import judge_sensors, judge_start
 from proofmass.screen.steps import StableSteps, find_stable_steps, judge_steps
@@ -32,6 +32,25 @@ AT_REST = 1e-6
 """Largest acceleration of an equilibrium [SI]."""
 LEAST_GROWTH = 1e-2
 """Least rate of a growing mode that is told [1/s]."""
+STILL = 1e-12
+"""Largest motion of a model that stands still [rad or m]."""
+FIRST_STEPS = 20
+"""Steps in which a model that moves at all has left its start."""
+NO_JOINT = ModelFinding(
+    FindingKind.NOTHING_MOVES, Severity.FAULT, "no joint: nothing can move", "give bodies joints"
+)
+NOT_FINITE = ModelFinding(
+    FindingKind.NOT_FINITE,
+    Severity.FAULT,
+    "positions or accelerations of the start are not finite",
+    "check the key, masses and inertias",
+)
+STANDS_STILL = ModelFinding(
+    FindingKind.NOTHING_MOVES,
+    Severity.WARNING,
+    "nothing moves from this start",
+    "give a key with another pose, velocities (qvel) or controls (ctrl)",
+)
 
 
 @dataclass(frozen=True)
@@ -62,11 +81,6 @@ class Screen:
     def name(self) -> str:
         """The name of its file, or ``model``."""
         return self.file.name if self.file else "model"
-
-    @property
-    def worst(self) -> Severity | None:
-        """The severity of the worst finding; None if nothing was found."""
-        return max((finding.severity for finding in self.findings), default=None)
 
 
 def screen_model(model: mujoco.MjModel | Path | str) -> Screen:
@@ -115,9 +129,9 @@ def screen_compiled(model: mujoco.MjModel, file: Path | None) -> Screen:
         key = start_key(model)
         data = start_of(model, key)
         if not model.nv:
-            return Screen(file, findings=(nothing_to_move(),))
+            return Screen(file, findings=(NO_JOINT,))
         if not (np.isfinite(data.qpos).all() and np.isfinite(data.qacc).all()):
-            return Screen(file, findings=(not_finite(),))
+            return Screen(file, findings=(NOT_FINITE,))
         return screen_motion(model, file, key, data)
 
 
@@ -145,8 +159,9 @@ def screen_motion(
         findings += judge_steps(model, key, steps)
         findings += judge_soft_loops(model, motion)
         findings += judge_creep(model, key, data, motion)
-    later, moved = first_motion(model, key)
-    findings += judge_sensors(model, data, later) if moved else [nothing_moves()]
+    later, moved = run_as_it_is(model, key, FIRST_STEPS)
+    stands = np.abs(moved).max() < STILL
+    findings += [STANDS_STILL] if stands else judge_sensors(model, data, later)
     ordered = sorted(findings, key=lambda finding: -finding.severity)
     return Screen(file, mobility, modes, steps, tuple(ordered))
 
@@ -169,33 +184,3 @@ def judge_modes(modes: tuple[VibrationMode, ...], data: mujoco.MjData) -> Iterat
             "start beside it, or with a velocity",
             value=1.0 / growth,
         )
-
-
-def nothing_to_move() -> ModelFinding:
-    """The finding of a model without joints."""
-    return ModelFinding(
-        FindingKind.NOTHING_MOVES,
-        Severity.FAULT,
-        "no joint: nothing can move",
-        "give bodies joints",
-    )
-
-
-def not_finite() -> ModelFinding:
-    """The finding of a start with positions or accelerations that are not finite."""
-    return ModelFinding(
-        FindingKind.NOT_FINITE,
-        Severity.FAULT,
-        "positions or accelerations of the start are not finite",
-        "check the key, masses and inertias",
-    )
-
-
-def nothing_moves() -> ModelFinding:
-    """The finding of a model that stands still."""
-    return ModelFinding(
-        FindingKind.NOTHING_MOVES,
-        Severity.WARNING,
-        "nothing moves from this start",
-        "give a key with another pose, velocities (qvel) or controls (ctrl)",
-    )

@@ -8,16 +8,12 @@ import mujoco
 import numpy as np
 
 from proofmass.base.arrays import Array
+from proofmass.sim.mjcf import failure_warning
 
 SECONDS = 1.0
 """Duration of a run that confirms a claim [s]."""
 STEPS_OF_A_SHORT_RUN = 20_000
 """Largest number of steps of such a run; a finer step confirms a shorter time."""
-BAD = (
-    mujoco.mjtWarning.mjWARN_BADQPOS,
-    mujoco.mjtWarning.mjWARN_BADQVEL,
-    mujoco.mjtWarning.mjWARN_BADQACC,
-)
 DISTANCE_OF_STARTS = 1e-7
 """Distance of the starts of two runs [rad or m]: rounding grows to it in no run of a second."""
 GROWTH_RATIO = 100.0
@@ -35,15 +31,6 @@ STOPS = [
 ]
 FIRST_CONTACT = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
 """Kinds of constraints from this one on are contacts."""
-STILL = 1e-12
-"""Largest motion of a model that stands still [rad or m]."""
-FIRST_STEPS = 20
-"""Steps in which a model that moves at all has left its start."""
-
-
-def has_failed(data: mujoco.MjData) -> bool:
-    """Whether MuJoCo found a state that is not finite or too large."""
-    return any(data.warning[kind].number for kind in BAD)
 
 
 def start_of(model: mujoco.MjModel, key: int) -> mujoco.MjData:
@@ -62,6 +49,11 @@ def with_step(model: mujoco.MjModel, step: float) -> mujoco.MjModel:
     return changed
 
 
+def steps_of_run(step: float) -> int:
+    """The number of steps [s] of a run that confirms a claim."""
+    return int(min(STEPS_OF_A_SHORT_RUN, np.ceil(SECONDS / step)))
+
+
 @dataclass(frozen=True)
 class Course:
     """What happens in a run with a stable step.
@@ -72,30 +64,27 @@ class Course:
         Times [s] and poses (nq,) that are a quarter of the run apart.
     touches : frozenset of str
         ``contacts``, ``joint limits``: what carried load at any time.
-    failed_at : float or None
-        When MuJoCo found a bad state [s].
     """
 
     poses: tuple[tuple[float, Array], ...]
     touches: frozenset[str]
-    failed_at: float | None
 
 
 def follow(model: mujoco.MjModel, key: int, step: float) -> Course:
     """Run a model with a step, for a second or `STEPS_OF_A_SHORT_RUN` steps."""
     data, calm = start_of(model, key), with_step(model, step)
-    count = int(min(STEPS_OF_A_SHORT_RUN, max(4, np.ceil(SECONDS / step))))
+    count = max(4, steps_of_run(step))
     poses = list[tuple[float, Array]]()
     touches = set(touched(data))
     for k in range(1, count + 1):
         mujoco.mj_step(calm, data)
-        if has_failed(data):
-            return Course(tuple(poses), frozenset(touches), data.time)
+        if failure_warning(data):
+            break
         if data.ncon or data.nl:
             touches.update(touched(data))
-        if k % max(1, count // 4) == 0:
+        if k % (count // 4) == 0:
             poses.append((float(data.time), data.qpos.copy()))
-    return Course(tuple(poses), frozenset(touches), None)
+    return Course(tuple(poses), frozenset(touches))
 
 
 def touched(data: mujoco.MjData) -> Iterator[str]:
@@ -125,33 +114,23 @@ def grown_distance(model: mujoco.MjModel, key: int, step: float) -> tuple[float,
     disturbance *= DISTANCE_OF_STARTS / max(np.abs(disturbance).max(initial=0.0), 1e-300)
     mujoco.mj_integratePos(model, two.qpos, disturbance, 1.0)
     largest, apart = 0.0, np.zeros(model.nv)
-    for _ in range(int(min(STEPS_OF_A_SHORT_RUN, np.ceil(SECONDS / step)))):
+    for _ in range(steps_of_run(step)):
         mujoco.mj_step(changed, one)
         mujoco.mj_step(changed, two)
-        if has_failed(one) or has_failed(two):
+        if failure_warning(one) or failure_warning(two):
             return largest, True
         mujoco.mj_differentiatePos(model, apart, 1.0, one.qpos, two.qpos)
         largest = max(largest, float(np.abs(apart).max(initial=0.0)))
     return largest / DISTANCE_OF_STARTS, False
 
 
-def first_motion(model: mujoco.MjModel, key: int) -> tuple[mujoco.MjData, bool]:
-    """The state after the first steps, and whether anything moved."""
+def run_as_it_is(model: mujoco.MjModel, key: int, steps: int) -> tuple[mujoco.MjData, Array]:
+    """The state after some steps, or after a failure, and the change (nv,) of the coordinates."""
     data = start_of(model, key)
     start, moved = data.qpos.copy(), np.zeros(model.nv)
-    for _ in range(FIRST_STEPS):
+    for _ in range(steps):
         mujoco.mj_step(model, data)
-    mujoco.mj_differentiatePos(model, moved, 1.0, start, data.qpos)
-    return data, bool(np.abs(moved).max(initial=0.0) >= STILL)
-
-
-def drift(model: mujoco.MjModel, key: int) -> tuple[Array, float]:
-    """The change (nv,) of the coordinates in a run as the model is, and its duration [s]."""
-    data = start_of(model, key)
-    start, moved = data.qpos.copy(), np.zeros(model.nv)
-    for _ in range(int(min(STEPS_OF_A_SHORT_RUN, np.ceil(SECONDS / model.opt.timestep)))):
-        mujoco.mj_step(model, data)
-        if has_failed(data):
+        if failure_warning(data):
             break
     mujoco.mj_differentiatePos(model, moved, 1.0, start, data.qpos)
-    return moved, float(data.time)
+    return data, moved

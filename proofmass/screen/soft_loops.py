@@ -10,8 +10,7 @@ from proofmass.base.wording import number
 from proofmass.screen.finding import FindingKind, ModelFinding, Severity
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.mobility import equality_element
-from proofmass.screen.pose import named_element
-from proofmass.screen.start_checks import HINGE, SLIDE, joint_unit
+from proofmass.screen.pose import HINGE, SLIDE, coordinate_unit, named_element
 
 GIVEN_SHARE = 1e-3
 """Share of the model's extent by which a loop gives way that is told."""
@@ -66,7 +65,7 @@ def judge_stops(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFin
         for _ in range(STOP_ITERATIONS):
             given = over / (1.0 + stop_stiffness(model, j, given) / (gear**2 * gain))
         actuator, joint = named_element(model, "actuator", a), named_element(model, "joint", j)
-        unit = joint_unit(model, j)
+        unit = coordinate_unit(model, int(model.jnt_dofadr[j]))
         yield ModelFinding(
             FindingKind.STOP,
             Severity.WARNING,

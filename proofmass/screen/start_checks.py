@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 
 from proofmass.base.wording import format_count, format_list, number
-from proofmass.screen.breaking_mode import moment_arms
 from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
-from proofmass.screen.pose import named_element
+from proofmass.screen.pose import HINGE, SLIDE, coordinate_unit, named_element
+from proofmass.sim.dense import moment_arms
 
 OUTSIDE_RANGE = 1e-6
 """Distance of a joint from its range that is told [rad or m]."""
@@ -25,7 +25,6 @@ GIMBAL_LOCK = 0.05
 NO_ARM = 1e-12
 """Largest moment arm of an actuator that moves nothing [1 or m]."""
 MAX_NAMES = 4
-HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def judge_start(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
@@ -38,11 +37,6 @@ def judge_start(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFin
     yield from judge_actuators(model, data)
 
 
-def joint_unit(model: mujoco.MjModel, joint: int) -> str:
-    """The unit of a hinge or slide, rad or m."""
-    return "rad" if model.jnt_type[joint] == HINGE else "m"
-
-
 def judge_ranges(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
     """Joints that start outside their ranges."""
     for j in range(model.njnt):
@@ -51,11 +45,12 @@ def judge_ranges(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFi
         place, (low, high) = data.qpos[model.jnt_qposadr[j]], model.jnt_range[j]
         if (outside := float(max(low - place, place - high))) > OUTSIDE_RANGE:
             joint = named_element(model, "joint", j)
+            unit = coordinate_unit(model, int(model.jnt_dofadr[j]))
             yield ModelFinding(
                 FindingKind.RANGE,
                 Severity.WARNING,
-                f"{joint} starts {number(outside)} {joint_unit(model, j)} outside its range: its "
-                "stop pushes it back",
+                f"{joint} starts {number(outside)} {unit} outside its range: its stop pushes it "
+                "back",
                 "start inside the range",
                 joint,
                 outside,
@@ -144,7 +139,7 @@ def judge_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Model
 
 def judge_actuators(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
     """Actuators that move nothing."""
-    arms = moment_arms(data)
+    arms = moment_arms(model, data)
     for a in range(model.nu):
         actuator = named_element(model, "actuator", a)
         no_gain = (

@@ -83,12 +83,11 @@ def find_stable_steps(
     """The limits of steps at the start, and on the way of a run with a stable step."""
     own = float(model.opt.timestep)
     integrator = INTEGRATOR_NAMES.get(mujoco.mjtIntegrator(int(model.opt.integrator)), "")
-    matrices = StepMatrices(motion)
-    wanted = INTEGRATORS if model.nv <= ALL_INTEGRATORS_UP_TO else (integrator,)
+    matrices, few = StepMatrices(motion), model.nv <= ALL_INTEGRATORS_UP_TO
+    wanted = INTEGRATORS if few else (integrator,)
     limits = {name: matrices.limit(name, own) for name in wanted if name}
     mine = limits.get(integrator)
     course = follow(model, key, min(own, 0.5 * mine.step) if mine else own)
-    few = model.nv <= ALL_INTEGRATORS_UP_TO
     way = list(limits_on_the_way(pose, course, integrator)) if mine and few else []
     way_limit, way_time = min(way, default=(inf, 0.0))
     breaking = find_breaking_mode(matrices, mine) if mine and mine.shape is not None else None

@@ -8,6 +8,7 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.base.read_once import read_once
+from proofmass.sim.dense import mass_matrix
 from proofmass.sim.plane import PARALLEL_TOLERANCE, MotionPlane, find_plane
 from proofmass.sim.protocol.curves import split_channel
 from proofmass.sim.protocol.failures import BadModel, Unsupported
@@ -489,8 +490,7 @@ def highest_frequency(model: mujoco.MjModel, key: str) -> float:
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
     mujoco.mj_forward(model, data)
-    inertia, springs = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
-    mujoco.mj_fullM(model, data, inertia)
+    inertia, springs = mass_matrix(model, data), np.zeros(model.nv)
     springs[model.jnt_dofadr[on_one]] = stiffness[on_one]
     squares = np.linalg.eigvals(np.linalg.solve(inertia, np.diag(springs)))
     return float(np.sqrt(squares.real.max(initial=0.0)))

@@ -61,6 +61,13 @@ ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 ATTACHED_FILE = re.compile(rb"<(?:model|include)\b[^>]*?\bfile\s*=\s*([\"'])([^\"'\0]+)\1")
 NAN = re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE)
 # prefixes of fields whose numbers runs use
+FATAL_WARNINGS = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+    mujoco.mjtWarning.mjWARN_INERTIA,
+)
+"""Warnings of MuJoCo after which a run is invalid."""
 NUMBER_PREFIXES = (
     *("actuator_", "body_", "dof_", "eq_", "geom_", "jnt_", "key_", "qpos", "site_", "tendon_"),
 )
@@ -311,6 +318,18 @@ def warning_notes(model: mujoco.MjModel, collected: Iterable[str]) -> tuple[str,
         said = " ".join(message.split()).rstrip(".")
         notes.append(f"MuJoCo warns: {said}{f' ({names})' if names else ''}.")
     return tuple(notes)
+
+
+def failure_warning(data: mujoco.MjData) -> str:
+    """The first warning that makes a run invalid, such as of a reset state; empty if none."""
+    return next(
+        (
+            f"MuJoCo warning {warning.name[7:].lower()}"
+            for warning in FATAL_WARNINGS
+            if data.warning[warning].number
+        ),
+        "",
+    )
 
 
 def mixed_solrefs(model: mujoco.MjModel) -> Iterator[str]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from proofmass.analytic.term_source import Terms
 from proofmass.base.arrays import Array, Index
+from proofmass.sim.dense import mass_matrix
 from proofmass.sim.mjcf import leave_out_disabled
 
 DISABLE_BITS, EQ = mujoco.mjtDisableBit, mujoco.mjtEq
@@ -112,8 +113,7 @@ class SmoothTerms:
         """All terms at a pose (poses,) with rates (rates,), and with controls, if not the key's."""
         self.place(q, v, ctrl)
         model, data = self.model, self.data
-        mass = np.empty((model.nv, model.nv))
-        mujoco.mj_fullM(model, data, mass)
+        mass = mass_matrix(model, data)
         # MuJoCo's reference acceleration is the sum of damping, stiffness and -J-dot-v
         stiffness, damping, impedance, _ = data.efc_KBIP.T
         gain = stiffness * impedance

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from proofmass.screen.finding import FindingKind, Severity
+from proofmass.screen.pose import coordinate_unit
 from proofmass.screen.screen import screen_model
 
 CASES = Path(__file__).parents[1] / "data" / "screen"
@@ -36,10 +37,8 @@ PLANTED = [
     ('fromto="0 0 0 0 0 1.3"', 'fromto="0 0 0 0 0 .3"', FindingKind.PIN, "pin", 0.98),
     ('qpos="0 0 0 0"', 'qpos="0 0 0 1.2"', FindingKind.RANGE, "s", 0.2),
     ('size=".1 .1 .1"', 'size=".1 .1 .1" mass="2e-5"', FindingKind.MASS, "block", 5e4),
-    ('name="s" type', 'name="s" frictionloss="1" type', FindingKind.NOTHING_MOVES, None, None),
     ('joint="s" kp', 'joint="s" gear="0" kp', FindingKind.ACTUATOR, "servo", None),
     ('ctrl="0.5"', 'ctrl="3"', FindingKind.STOP, "servo", 2.0),
-    ('<jointpos name="turn"', '<framepos name="turn" objtype="site"', None, None, None),
     ('name="cube"', 'name="cube" pos="0 -2 0"', FindingKind.CONTACT, None, None),
 ]
 
@@ -57,7 +56,7 @@ def test_the_model_without_a_fault_has_no_finding():
 
 @pytest.mark.parametrize(
     ("old", "new", "kind", "element", "value"),
-    [planted for planted in PLANTED if planted[2] not in (None, FindingKind.NOTHING_MOVES)],
+    PLANTED,
 )
 def test_a_planted_fault_is_named(old, new, kind, element, value):
     assert GOOD.count(old) == 1
@@ -186,6 +185,24 @@ BRAKE = """
 <mujoco><worldbody><body><joint name="j" axis="0 1 0" frictionloss="{friction}" {more}/>
 <geom type="sphere" size=".001" pos="1 0 0" mass="1"/></body></worldbody></mujoco>
 """
+
+
+def test_the_unit_of_a_coordinate_is_that_of_its_motion():
+    free = '<body><freejoint/><geom size=".1"/></body>'
+    ball = '<body><joint type="ball"/><geom size=".1"/></body>'
+    slide = '<body><joint type="slide"/><geom size=".1"/></body>'
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{free}{ball}{slide}</worldbody></mujoco>"
+    )
+    units = [coordinate_unit(model, k) for k in range(model.nv)]
+    assert units == [*3 * ["m"], *3 * ["rad"], *3 * ["rad"], "m"]
+
+
+def test_a_ball_joint_that_creeps_is_told_in_radians():
+    text = BRAKE.format(friction=20, more="").replace('axis="0 1 0"', 'type="ball"')
+    text = text.replace('size=".001"', 'size=".5"')  # a point would turn freely about its arm
+    [found] = finding_of(mujoco.MjModel.from_xml_string(text), FindingKind.CREEP)
+    assert "rad/s, though its friction of 20 N m would hold its load of 9.81 N m" in found.text
 
 
 def test_the_creep_of_one_joint_is_that_of_the_formula_and_of_bare_mujoco():

@@ -26,9 +26,10 @@ from proofmass.analytic.support import RunKind
 from proofmass.base.arrays import Array
 from proofmass.base.clock import processor_time
 from proofmass.sim.contents import control_indices
-from proofmass.sim.mjcf import collected_warnings
+from proofmass.sim.dense import mass_matrix
+from proofmass.sim.mjcf import collected_warnings, failure_warning
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder, failure_warning, refuse_uncovered
+from proofmass.sim.mujoco.model import Recorder, refuse_uncovered
 from proofmass.sim.mujoco.sensors import (
     drive_moment_curves,
     drive_sensors,
@@ -70,8 +71,7 @@ def initialize_dynamics(linkage: Linkage, run: Run, times: Array) -> tuple[Array
     else:
         tangent = linkage.move(value[0])
         data.qvel[:] = tangent @ rate[0]
-    inertia = np.zeros((model.nv, model.nv))  # before the flywheels
-    mujoco.mj_fullM(model, data, inertia)
+    inertia = mass_matrix(model, data)  # before the flywheels
     flywheel = FLYWHEEL_RATIO * np.diag(tangent.T @ inertia @ tangent)
     model.dof_armature[linkage.dofs] += flywheel
     # damping and friction do not change the motion of an ideal drive; its moment is not read here

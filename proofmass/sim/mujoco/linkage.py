@@ -19,6 +19,7 @@ from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import REST_RATE_SHARE, without_rounding
 from proofmass.base.arrays import Array
 from proofmass.sim.contents import anchor_bodies, anchors, pose_of
+from proofmass.sim.dense import constraint_rows
 from proofmass.sim.mujoco.model import loop_violations
 from proofmass.sim.protocol.failures import BadModel, Unsupported
 
@@ -186,16 +187,7 @@ class Linkage:
             for part in STATIC_STAGES:
                 getattr(mujoco, part)(self.model, self.data)
         data, count = self.data, self.data.ne  # the rows of equalities come first
-        if not mujoco.mj_isSparse(self.model):
-            # without rows the array keeps those of the pose before
-            size = data.nefc * self.model.nv
-            rows = data.efc_J[:size].reshape(data.nefc, self.model.nv)
-        else:
-            rows = np.zeros((data.nefc, self.model.nv))
-            mujoco.mju_sparse2dense(
-                rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
-            )
-        return data.efc_pos[:count].copy(), rows[:count].copy()
+        return data.efc_pos[:count].copy(), constraint_rows(self.model, data)[:count].copy()
 
     def move(self, values: Array, tangent: Array | None = None) -> Array:
         """Follow the branch to new values of the drives, in strides; returns the tangent there.

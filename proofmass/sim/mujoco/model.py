@@ -34,8 +34,6 @@ from proofmass.sim.protocol.failures import BadModel, Unsupported
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.rods import dead_loads
 
-W = mujoco.mjtWarning
-FATAL_WARNINGS = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
 S = mujoco.mjtSensor
 
 
@@ -59,18 +57,6 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
         The file does not compile, or lacks an element that the run names.
     """
     return prepare_model(compile_model(path, run.rods), run)
-
-
-def failure_warning(data: mujoco.MjData) -> str:
-    """The first warning that makes a run invalid, such as of a reset state; empty if none."""
-    return next(
-        (
-            f"MuJoCo warning {warning.name[7:].lower()}"
-            for warning in FATAL_WARNINGS
-            if data.warning[warning].number
-        ),
-        "",
-    )
 
 
 def prepare_model(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:

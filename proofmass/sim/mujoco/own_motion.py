@@ -34,10 +34,15 @@ from proofmass.analytic.controls import break_times, smooth_pieces
 from proofmass.base.arrays import Array
 from proofmass.base.clock import processor_time
 from proofmass.sim.contents import control_indices
-from proofmass.sim.mjcf import collected_warnings, compile_model, warning_notes
+from proofmass.sim.mjcf import (
+    collected_warnings,
+    compile_model,
+    failure_warning,
+    warning_notes,
+)
 from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, initialize_dynamics, moments_of_drives
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder, failure_warning, load, translate_fatal_errors
+from proofmass.sim.mujoco.model import Recorder, load, translate_fatal_errors
 from proofmass.sim.mujoco.sensors import (
     drive_moment_curves,
     drive_sensors,
@@ -309,15 +314,11 @@ def solve_in_several_ways(path: Path, run: Run, samples: int, seconds: float) ->
     def halved(k: int, n: int) -> OwnRun:
         return stepped(format_integrator(own, step / 2**k), 2**k, limit["steps"], n)
 
-    first = halved(0, times.size)
-    failed, begin = (first, 1) if first.is_failure and not first.late else (None, 0)
-    while (
-        failed and first.is_failure and begin <= MAX_RESCUES
-    ):  # a stiff model may run with finer steps
-        first = halved(begin, times.size)
-        begin += first.is_failure
-    if failed and first.is_failure:
-        first, failed, begin = failed, None, 0
+    as_given = halved(0, times.size)
+    begin, first = 0, as_given
+    if as_given.is_failure and not as_given.late:  # a stiff model may run with finer steps
+        finer = ((k, halved(k, times.size)) for k in range(1, MAX_RESCUES + 1))
+        begin, first = next(((k, one) for k, one in finer if not one.is_failure), (0, as_given))
     runs = [first]
     halvings, n = affordable_halvings(first, limit["steps"])
     runs += [halved(begin + k, n) for k in range(1, halvings + 1)]
@@ -348,7 +349,7 @@ def solve_in_several_ways(path: Path, run: Run, samples: int, seconds: float) ->
         tuple(ways),
         stiffer,
         int(model.nv),
-        failed=failed,
+        failed=as_given if begin else None,
     )
 
 

@@ -22,9 +22,11 @@ import numpy as np
 from proofmass.analytic.support import RunKind
 from proofmass.base.arrays import Array
 from proofmass.base.clock import processor_time
+from proofmass.sim.dense import mass_matrix
+from proofmass.sim.mjcf import failure_warning
 from proofmass.sim.mujoco.equilibrium import LOOP_RANK_TOLERANCE, RestingLinkage
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder, failure_warning, refuse_uncovered
+from proofmass.sim.mujoco.model import Recorder, refuse_uncovered
 from proofmass.sim.mujoco.sensors import drive_moment_curves, withhold_interactions, withhold_stage
 from proofmass.sim.mujoco.settings import stepping_settings
 from proofmass.sim.mujoco.work import StepWork
@@ -145,8 +147,7 @@ def set_inertia_and_damping(linkage: Linkage) -> None:
     pace = PHASE_PER_STEP / model.opt.timestep
     model.dof_armature += np.maximum(own, MIN_STIFFNESS_SHARE * own.max()) / pace**2
     linkage.rows()
-    inertia = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, inertia)
+    inertia = mass_matrix(model, data)
     squares = scipy.linalg.eigvalsh(null.T @ stiffness @ null, null.T @ inertia @ null)
     slowest = np.sqrt(np.abs(squares).min(initial=pace**2))
     model.dof_damping += 2 * slowest * np.diag(inertia)

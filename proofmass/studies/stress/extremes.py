@@ -39,6 +39,7 @@ from proofmass.base.errors import InputError
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case, Channel
 from proofmass.reference.case_model import compiled_model
+from proofmass.sim.dense import mass_matrix
 from proofmass.studies import variants
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.invariants import conserves_energy, invariants
@@ -329,10 +330,10 @@ def last_hinge(case: Case) -> tuple[str, float]:
         if model.joint(j).name not in driven and model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
     ]
     require(hinges, "stiffness in motion: there is no hinge that is not driven")
-    data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(case.start).id)
     mujoco.mj_forward(model, data)
-    mujoco.mj_fullM(model, data, inertia)
+    inertia = mass_matrix(model, data)
     return str(model.joint(hinges[-1]).name), float(inertia[hinges[-1], hinges[-1]])
 
 
