@@ -10,6 +10,7 @@ from proofmass.base.wording import format_count, format_list, number
 from proofmass.screen.finding import ModelFinding, Severity
 from proofmass.screen.mobility import Mobility
 from proofmass.screen.screen import Screen
+from proofmass.screen.stable_step import LONGEST_STEP
 from proofmass.screen.steps import StableSteps, format_seconds
 
 SIGNS = {
@@ -90,7 +91,9 @@ def describe_steps(steps: StableSteps) -> str:
     if not steps.integrator:
         return ""
     if isinf(steps.limit):
-        return f"stable at any step ({steps.integrator})"
+        aside = f", {format_list(steps.about)} aside" if steps.about else ""
+        longest = format_seconds(LONGEST_STEP)
+        return f"no unstable step up to {longest} about its start ({steps.integrator}){aside}"
     about = "about " if steps.about else ""
     return f"largest stable step {about}{format_seconds(steps.limit)} ({steps.integrator})"
 

@@ -13,7 +13,7 @@ from proofmass.screen.finding import FindingKind, ModelFinding, Severity
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.pose import RestPose
 from proofmass.screen.short_run import Course, breaks, follow
-from proofmass.screen.stable_step import INTEGRATORS, StepMatrices
+from proofmass.screen.stable_step import INTEGRATORS, LONGEST_STEP, StepMatrices
 
 INTEGRATOR_NAMES = {
     mujoco.mjtIntegrator.mjINT_EULER: "Euler",
@@ -177,8 +177,7 @@ def cures(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator[str]:
     yield f'timestep="{SAFE_SHARE * found.limit:.2g}"'
     for name, limit in found.limits.items():
         if name != found.integrator and limit > WORTHWHILE_STEP * found.own:
-            upto = "at any step" if isinf(limit) else f"up to {format_seconds(limit)}"
-            yield f'integrator="{name}" (stable {upto})'
+            yield f'integrator="{name}" (stable up to {format_seconds(min(limit, LONGEST_STEP))})'
     if found.breaking and (armature := curing_armature(model, key, found)):
         yield f'armature="{armature:.2g}" on {found.breaking.joint}'
 

@@ -44,6 +44,13 @@ def test_a_mechanism_with_a_loop_is_described_with_its_redundant_equations():
     assert "1 loop (6 equations, 4 redundant), 0 degrees of freedom" in described
 
 
+def test_a_model_without_a_limit_says_up_to_which_step_and_what_was_left_out():
+    described = describe_model(screen_model(CASES / "hold565.xml"))
+    assert described.endswith(
+        "no unstable step up to 1 s about its start (Euler), dry friction aside"
+    )
+
+
 def test_data_has_the_numbers_of_the_sentences(exploding):
     data = json.loads(as_json(Result(screens={"pd954": exploding})))["screens"]["pd954"]
     [finding] = data["findings"]
