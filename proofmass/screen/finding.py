@@ -28,6 +28,7 @@ class FindingKind(StrEnum):
     FREE_ENDS = "free-ends"
     SOFT_LOOP = "soft-loop"
     CREEP = "creep"
+    SERVO = "servo"
     STOP = "stop"
     RANGE = "range"
     CONTACT = "contact"
@@ -36,6 +37,7 @@ class FindingKind(StrEnum):
     GIMBAL = "gimbal"
     ACTUATOR = "actuator"
     SENSOR = "sensor"
+    ENERGY = "energy"
     UNSTABLE_REST = "unstable-rest"
     NOTHING_MOVES = "nothing-moves"
 
@@ -56,6 +58,7 @@ SENTENCES = {
     FindingKind.FREE_ENDS: "free ends coincide and are not joined",
     FindingKind.SOFT_LOOP: "a loop gives way under the load of the start",
     FindingKind.CREEP: "a joint creeps that its friction would hold",
+    FindingKind.SERVO: "a servo rests beside its target, or the start is not held",
     FindingKind.STOP: "the target of a servo lies beyond a stop",
     FindingKind.RANGE: "a joint starts outside its range",
     FindingKind.CONTACT: "geoms begin in contact",
@@ -64,6 +67,7 @@ SENTENCES = {
     FindingKind.GIMBAL: "three hinges are near gimbal lock",
     FindingKind.ACTUATOR: "an actuator moves nothing",
     FindingKind.SENSOR: "a sensor does not change",
+    FindingKind.ENERGY: "the integrator changes the energy of a motion that keeps it",
     FindingKind.UNSTABLE_REST: "the start is an unstable equilibrium",
     FindingKind.NOTHING_MOVES: "nothing moves from the start",
 }

@@ -89,16 +89,41 @@ def judge_pins(pose: RestPose) -> Iterator[ModelFinding]:
         ):
             continue
         element, on = equality_element(pose, e), pose.element("body", body)
-        placed = pose.model.eq_objtype[e] == SITE  # the author placed both sites himself
+        # the author placed both sites himself, and a weld holds the same two bodies anywhere
+        meant = pose.model.eq_objtype[e] == SITE or pose.model.eq_type[e] == CLOSURES[1]
         yield ModelFinding(
             FindingKind.PIN,
-            Severity.NOTE if placed else Severity.WARNING,
+            Severity.NOTE if meant else Severity.WARNING,
             f"the pin of {element} lies {number(gap)} m outside every geom of {on}, whose size is "
             f"{number(size, 2)} m",
-            "" if placed else f"check the anchor of {element}, and the start pose of {on}",
+            "" if meant else propose_anchor(pose, e) or f"check its anchor, and the start of {on}",
             element,
             gap,
         )
+
+
+def propose_anchor(pose: RestPose, equality: int) -> str:
+    """The anchor of a connect at which free ends of its two bodies coincide; empty without any."""
+    group, bodies = pose.model.body_weldid, joined_bodies(pose, equality)
+    for one, other in coincident_ends(pose):
+        if {one.body, other.body} != {int(group[body]) for body in bodies}:
+            continue
+        turn = pose.data.xmat[bodies[0]].reshape(3, 3)
+        place = turn.T @ (one.place - pose.data.xpos[bodies[0]])
+        tiny = EXTENT_SHARE * pose.model.stat.extent
+        written = " ".join(f"{x:.6g}" for x in np.where(np.abs(place) > tiny, place, 0.0))
+        ends = f"{pose.element('body', one.body)} and {pose.element('body', other.body)}"
+        return f'anchor="{written}", where free ends of {ends} coincide'
+    return ""
+
+
+def joined_bodies(pose: RestPose, equality: int) -> tuple[int, int]:
+    """The two bodies of a connect or weld."""
+    model = pose.model
+    pair = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+    if model.eq_objtype[equality] == SITE:
+        return int(model.site_bodyid[pair[0]]), int(model.site_bodyid[pair[1]])
+    return pair
 
 
 def gap_of(pose: RestPose, pin: LoopPin) -> tuple[float, float] | None:
@@ -154,23 +179,12 @@ class FreeEnd:
 
 def judge_free_ends(pose: RestPose) -> Iterator[ModelFinding]:
     """Ends of bars of two bodies that coincide, though nothing joins them."""
-    model, data = pose.model, pose.data
-    group, joined = model.body_weldid, coupled_bodies(pose)
-    told: set[tuple[int, int]] = set()
-    for one, other in combinations(free_ends(pose), 2):
-        pair = min(one.body, other.body), max(one.body, other.body)
-        bars = [one.geom, other.geom]
-        if (
-            one.body == other.body
-            or pair in told
-            or group[model.body_parentid[one.body]] == other.body
-            or group[model.body_parentid[other.body]] == one.body
-            or {one.body, other.body} <= joined
-            or np.linalg.norm(one.place - other.place)
-            > COINCIDENT_ENDS_SHARE * model.geom_rbound[bars].min()
-            or np.linalg.norm(np.diff(data.geom_xpos[bars], axis=0))
-            < APART_SHARE * model.stat.extent
-        ):
+    group = pose.model.body_weldid
+    closed = (joined_bodies(pose, int(pin.equality)) for pin in find_pins(pose))
+    told = {frozenset(int(group[body]) for body in pair) for pair in closed}
+    for one, other in coincident_ends(pose):
+        pair = frozenset((one.body, other.body))
+        if pair in told:
             continue
         told.add(pair)
         first, second = (pose.element("body", body) for body in (one.body, other.body))
@@ -181,6 +195,25 @@ def judge_free_ends(pose: RestPose) -> Iterator[ModelFinding]:
             "if they are one pin, add a connect between them",
             second,
         )
+
+
+def coincident_ends(pose: RestPose) -> Iterator[tuple[FreeEnd, FreeEnd]]:
+    """Free ends of two bodies that coincide; not of neighbours and of coupled bodies."""
+    model, data = pose.model, pose.data
+    group, coupled = model.body_weldid, coupled_bodies(pose)
+    for one, other in combinations(free_ends(pose), 2):
+        bars = [one.geom, other.geom]
+        if (
+            one.body != other.body
+            and group[model.body_parentid[one.body]] != other.body
+            and group[model.body_parentid[other.body]] != one.body
+            and not {one.body, other.body} <= coupled
+            and np.linalg.norm(one.place - other.place)
+            <= COINCIDENT_ENDS_SHARE * model.geom_rbound[bars].min()
+            and np.linalg.norm(np.diff(data.geom_xpos[bars], axis=0))
+            >= APART_SHARE * model.stat.extent
+        ):
+            yield one, other
 
 
 def free_ends(pose: RestPose) -> list[FreeEnd]:

@@ -13,13 +13,17 @@ import numpy as np
 
 from proofmass.base.wording import number
 from proofmass.screen.change_points import COORDINATES_OF_A_WAY, judge_change_points
+from proofmass.screen.contact_creep import judge_contact_creep
 from proofmass.screen.creep import judge_creep
+from proofmass.screen.energy import judge_energy
 from proofmass.screen.finding import FindingKind, ModelFinding, Severity
 from proofmass.screen.linear import LinearMotion, VibrationMode
 from proofmass.screen.loops import judge_closing, judge_openings
 from proofmass.screen.mobility import Mobility, find_mobility, judge_mobility
 from proofmass.screen.pins import judge_free_ends, judge_pins
 from proofmass.screen.pose import RestPose
+from proofmass.screen.rest import find_rest
+from proofmass.screen.servos import judge_servos
 from proofmass.screen.short_run import run_as_it_is, start_of
 from proofmass.screen.soft_loops import judge_soft_loops, judge_stops
 from proofmass.screen.start_checks import judge_sensors, judge_start
@@ -154,11 +158,14 @@ def screen_motion(
     if model.nv <= LINEARISED_UP_TO:
         motion = LinearMotion(pose)
         modes = tuple(motion.modes())
+        rest = find_rest(pose)
         steps = find_stable_steps(model, key, pose, motion)
         findings += judge_modes(modes, data)
         findings += judge_steps(model, key, steps)
-        findings += judge_soft_loops(model, motion)
+        findings += judge_soft_loops(model, key, motion, rest)
         findings += judge_creep(model, key, data, motion)
+        findings += judge_servos(model, key, pose, rest) if rest else []
+    findings += [*judge_contact_creep(model, key), *judge_energy(model, key)]
     later, moved = run_as_it_is(model, key, FIRST_STEPS)
     stands = np.abs(moved).max() < STILL
     findings += [STANDS_STILL] if stands else judge_sensors(model, data, later)

@@ -126,7 +126,11 @@ def grown_distance(model: mujoco.MjModel, key: int, step: float) -> tuple[float,
 
 def run_as_it_is(model: mujoco.MjModel, key: int, steps: int) -> tuple[mujoco.MjData, Array]:
     """The state after some steps, or after a failure, and the change (nv,) of the coordinates."""
-    data = start_of(model, key)
+    return run_from(model, start_of(model, key), steps)
+
+
+def run_from(model: mujoco.MjModel, data: mujoco.MjData, steps: int) -> tuple[mujoco.MjData, Array]:
+    """Do what `run_as_it_is` does from any start state, which it changes."""
     start, moved = data.qpos.copy(), np.zeros(model.nv)
     for _ in range(steps):
         mujoco.mj_step(model, data)

@@ -1,44 +1,127 @@
 """Loops and stops that give way under load, since MuJoCo's constraints are soft."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from scipy.optimize import brentq
 
 from proofmass.base.arrays import Array
 from proofmass.base.wording import number
 from proofmass.screen.finding import FindingKind, ModelFinding, Severity
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.mobility import equality_element
-from proofmass.screen.pose import HINGE, SLIDE, coordinate_unit, named_element
+from proofmass.screen.pose import HINGE, SLIDE, RestPose, coordinate_unit, named_element
+from proofmass.screen.rest import loop_multipliers, state_at
+from proofmass.screen.short_run import start_of, steps_of_run
+from proofmass.sim.mjcf import failure_warning
 
 GIVEN_SHARE = 1e-3
 """Share of the model's extent by which a loop gives way that is told."""
+SEEN_SHARE = 0.5
+"""Least opening in a run, as a share of the computed one: loads change while a model moves."""
 STOP_ITERATIONS = 20
 """Iterations of the depth of a stop, whose stiffness depends on it."""
 PAST_RANGE = 1e-6
 """Distance of a servo's target beyond a stop that is told [rad or m]."""
 
 
-def judge_soft_loops(model: mujoco.MjModel, motion: LinearMotion) -> Iterator[ModelFinding]:
-    """The loop that gives way most: a force l on a row opens it by |l| R / (k I)."""
-    count = motion.multipliers.size
-    if not count:
+@dataclass(frozen=True)
+class SoftLoop:
+    """A loop that gives way under load.
+
+    Attributes
+    ----------
+    equality : int
+    opening : float
+        How far it gives way [m or rad].
+    """
+
+    equality: int
+    opening: float
+
+
+def judge_soft_loops(
+    model: mujoco.MjModel, key: int, motion: LinearMotion, rest: RestPose | None
+) -> Iterator[ModelFinding]:
+    """The loop that gives way most, at rest or else under the load of the start, in a run too."""
+    if not motion.multipliers.size:
         return
-    stiffness, _, weights = motion.softness(float(model.opt.timestep))
-    given = np.abs(motion.multipliers) / (weights * np.maximum(stiffness, 1e-12))[:count]
-    worst = int(np.argmax(given))
-    if given[worst] > GIVEN_SHARE * model.stat.extent:
-        element = equality_element(motion.pose, int(motion.pose.constraints.equalities[worst]))
-        yield ModelFinding(
-            FindingKind.SOFT_LOOP,
-            Severity.WARNING,
-            f"{element} gives way by {number(float(given[worst]))} m or rad under the load of the "
-            "start: MuJoCo's loops are soft",
-            f'solref="{2.0 * model.opt.timestep:.2g} 1" on it, or a shorter step',
-            element,
-            float(given[worst]),
-        )
+    if rest is None:
+        motion.pose.enter(motion.pose.qpos)
+        loops = soft_loops(motion.pose, motion.multipliers)
+    else:
+        loops = soft_loops(rest, loop_multipliers(rest))
+    found = max(loops, key=lambda loop: loop.opening)
+    if found.opening < GIVEN_SHARE * model.stat.extent:
+        return
+    state = start_of(model, key) if rest is None else state_at(model, rest)
+    seen = largest_opening(model, state, found.equality)
+    if seen < SEEN_SHARE * found.opening:
+        return
+    element = equality_element(motion.pose, found.equality)
+    where = "under the load of the start" if rest is None else "where the model comes to rest"
+    yield ModelFinding(
+        FindingKind.SOFT_LOOP,
+        Severity.WARNING,
+        f"{element} gives way by {number(found.opening)} {opening_unit(model, found.equality)} "
+        f"{where}: MuJoCo's loops are soft",
+        f'solref="{2.0 * model.opt.timestep:.2g} 1" on it, or a shorter step',
+        element,
+        found.opening,
+    )
+
+
+def opening_unit(model: mujoco.MjModel, equality: int) -> str:
+    """The unit in which an equality opens: m, rad, or both of a weld."""
+    kind = model.eq_type[equality]
+    if kind == mujoco.mjtEq.mjEQ_JOINT:
+        return coordinate_unit(model, int(model.jnt_dofadr[model.eq_obj1id[equality]]))
+    return "m or rad" if kind == mujoco.mjtEq.mjEQ_WELD else "m"
+
+
+def soft_loops(pose: RestPose, loads: Array) -> Iterator[SoftLoop]:
+    r"""How far each equality of a pose gives way under the loads (equations,) of its rows [SI].
+
+    With the impedance d(r), the largest impedance D, the time constant T, the damping ratio z and
+    the inverse inertia w of its rows, a force l opens it by r = l w D^2 T^2 z^2 (1 - d) / d^2.
+    MuJoCo takes one impedance for all rows of an equality, that of the length of r.
+    """
+    model, data, constraints = pose.model, pose.data, pose.constraints
+    table = np.array(data.efc_KBIP).reshape(-1, 4)[: data.ne]
+    start = np.clip(table[:, 2], mujoco.mjMINIMP, mujoco.mjMAXIMP)
+    inertias = start / ((1.0 - start) * np.array(data.efc_D[: data.ne]))  # inverse, of each row
+    pushes = np.abs(loads) * inertias / np.maximum(table[:, 0], 1e-300)
+    for equality in np.unique(constraints.equalities):
+        push = float(np.linalg.norm(pushes[constraints.equalities == equality]))
+        yield SoftLoop(int(equality), opening_under(push, model.eq_solimp[equality]))
+
+
+def opening_under(push: float, solimp: Array) -> float:
+    """The solution r of r = push (1 - d(r)) / d(r)^2.
+
+    >>> round(opening_under(0.09, np.array([0.9, 0.9, 0.001, 0.5, 2.0])), 9)
+    0.011111111
+    """
+
+    def excess(opening: float) -> float:
+        d = min(max(impedance(solimp, opening), mujoco.mjMINIMP), mujoco.mjMAXIMP)
+        return push * (1.0 - d) / d**2 - opening
+
+    return float(brentq(excess, 0.0, excess(0.0) * (1.0 + 1e-9))) if excess(0.0) > 0.0 else 0.0
+
+
+def largest_opening(model: mujoco.MjModel, data: mujoco.MjData, equality: int) -> float:
+    """The largest length of the residuals of an equality in a run of a second [m or rad]."""
+    largest = 0.0
+    for _ in range(steps_of_run(model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        if failure_warning(data):
+            break
+        own = np.array(data.efc_id[: data.ne]) == equality
+        largest = max(largest, float(np.linalg.norm(np.array(data.efc_pos[: data.ne])[own])))
+    return largest
 
 
 def judge_stops(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:

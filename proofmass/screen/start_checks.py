@@ -131,10 +131,27 @@ def judge_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Model
         Severity.WARNING if deep else Severity.NOTE,
         f"{format_count(len(touching), 'contact')} at the start, the deepest by {number(depth)} m, "
         f"of {one} and {other}",
-        "exclude neighbours from contact, or start apart" if deep else "",
+        separate(model, deepest) if deep else "",
         one,
         depth,
     )
+
+
+def separate(model: mujoco.MjModel, contact: "mujoco._structs.MjContact") -> str:
+    """How to keep two geoms apart that begin in contact."""
+    first, second = (int(model.geom_bodyid[g]) for g in contact.geom)
+    group = model.body_weldid
+    parents = {int(group[model.body_parentid[group[body]]]) for body in (first, second)}
+    if not {int(group[first]), int(group[second])} & parents or 0 in (first, second):
+        return "start apart, or exclude neighbours from contact"
+    names = [named_element(model, "body", body).name for body in (first, second)]
+    exclude = f'<exclude body1="{names[0]}" body2="{names[1]}"/> in <contact>'
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
+        return f'filterparent="enable", or {exclude}, since one carries the other'
+    if 0 in (group[first], group[second]):
+        why = "MuJoCo leaves out contacts of a body with its parent only if the parent moves"
+        return f"{exclude}: {why}"
+    return exclude
 
 
 def judge_actuators(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
