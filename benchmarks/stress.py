@@ -102,6 +102,8 @@ up to 0.0475 s.
 
 The parameters of cases are:
 
+- *Stable time step*: the same for stability alone, of free motions in MuJoCo; theory is the limit
+  of the [first screen](first_screen.md).
 - *Length to spare where bars come in line*: the last link of the last loop is shortened until the
   mechanism can only just make its whole way, according to its reference. There bars come in line
   and two assembly modes meet: a four-bar has a change point, and the couplers of a five-bar lie one

@@ -11,7 +11,12 @@ from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import Boundary, write_boundaries
 from proofmass.studies.stress.extremes import list_extremes
 from proofmass.studies.stress.problems import list_problems
-from proofmass.studies.stress.stress import find_boundaries, result_table, store_trials
+from proofmass.studies.stress.stress import (
+    cause_lines,
+    find_boundaries,
+    result_table,
+    store_trials,
+)
 from proofmass.studies.study import Study
 
 
@@ -24,7 +29,10 @@ def run_stress(
 
         found = search_cases(paths or [], output, jobs, dask, only)
         write_boundaries(found, output / "stress.csv")
-        make_console().print(result_table(found))
+        console = make_console()
+        console.print(result_table(found))
+        for line in cause_lines(found):
+            console.print(line, markup=False, highlight=False)
         print(write_stress(output, output).first)
 
 

@@ -6,11 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from proofmass.base.arrays import Array
+from proofmass.base.wording import number
 from proofmass.screen.finding import NamedElement
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.stable_step import StepLimit, StepMatrices
 from proofmass.sim.dense import moment_arms
 
+RIGID_SHARE = 1e-3
+"""Angular frequency over the rate of decay below which a mode is told by its decay alone [1]."""
 CHANGE = 1e-6
 """Step of the differences of actuator forces [rad or m, and per s]."""
 WEIGHT, DAMPING, SOFTNESS = "springs and weight", "damping of joints and tendons", "softness"
@@ -62,12 +65,33 @@ class BreakingMode:
         The largest of its causes.
     mass : float
         The mode's mass where the joint moves by one [kg or kg m^2].
+    stiffness, damping : float
+        What springs, servos, weight and loops resist it with there [N m/rad or N/m], and per rate
+        [N m s/rad or N s/m].
     """
 
     joint: NamedElement
     coordinate: int
     cause: Share
     mass: float
+    stiffness: float
+    damping: float
+
+    @property
+    def rates(self) -> str:
+        """Its angular frequency and damping ratio; its rate of decay if nothing holds it in place.
+
+        >>> joint, cause = NamedElement("joint", "j"), Share(DAMPING, None, 1.0)
+        >>> BreakingMode(joint, 0, cause, 0.01, 3948.0, 2.5).rates
+        'ω = 628/s, ζ = 0.199'
+        >>> BreakingMode(joint, 0, cause, 0.01, 0.0, 2.0).rates
+        'decays with 200/s'
+        """
+        omega = np.sqrt(max(self.stiffness, 0.0) / self.mass)
+        decay = self.damping / self.mass
+        if omega <= RIGID_SHARE * abs(decay):
+            return f"decays with {number(decay)}/s"
+        return f"ω = {number(float(omega))}/s, ζ = {number(float(decay / (2.0 * omega)))}"
 
 
 def find_breaking_mode(steps: StepMatrices, limit: StepLimit) -> BreakingMode:
@@ -77,13 +101,21 @@ def find_breaking_mode(steps: StepMatrices, limit: StepLimit) -> BreakingMode:
     shape = limit.shape
     k = int(np.argmax(np.abs(shape.conj() * (motion.masses @ shape))))
     real = np.real(shape * np.exp(-1j * np.angle(shape[k])))
-    stiffness, _, weights = motion.softness(limit.step)
+    stiffness, damping, weights = motion.softness(limit.step)
     added = weights * (motion.soft_rows @ real) ** 2 if weights.size else np.zeros(0)
     mass = float(real @ motion.masses @ real + added.sum())
-    shares = list(find_shares(steps, limit, real, float((added * stiffness).sum())))
+    softness = float((added * stiffness).sum())
+    shares = list(find_shares(steps, limit, real, softness))
     worst = max(shares, key=lambda share: share.size)
-    cause = Share(worst.what, worst.actuator, worst.size / mass)
-    return BreakingMode(pose.joint_of(k), k, cause, mass / float(real[k]) ** 2)
+    unit = float(real[k]) ** 2
+    return BreakingMode(
+        pose.joint_of(k),
+        k,
+        Share(worst.what, worst.actuator, worst.size / mass),
+        mass / unit,
+        (float(real @ motion.stiffness @ real) + softness) / unit,
+        (float(real @ motion.damping @ real) + float((added * damping).sum())) / unit,
+    )
 
 
 def find_shares(
@@ -94,7 +126,12 @@ def find_shares(
     stiff, damped = actuator_parts(motion, shape)
     half, quarter = limit.step / 2.0, limit.step**2 / 4.0
     explicit = explicit_damping(steps, limit.integrator)
-    yield Share(WEIGHT, None, quarter * float(shape @ motion.stiffness @ shape - stiff.sum()))
+    if limit.integrator == "discrete":  # it is implicit in springs and servos
+        stiff, damped = np.zeros((2, pose.model.nu))
+        weight = motion.stiffness - steps.implicit_stiffness
+        yield Share(WEIGHT, None, quarter * float(shape @ weight @ shape))
+    else:
+        yield Share(WEIGHT, None, quarter * float(shape @ motion.stiffness @ shape - stiff.sum()))
     yield Share(SOFTNESS, None, quarter * softness)
     if explicit is not None:
         yield Share(DAMPING, None, half * float(shape @ explicit @ shape - damped.sum()))
@@ -109,6 +146,8 @@ def explicit_damping(steps: StepMatrices, integrator: str) -> Array | None:
     """The damping (nv, nv) in which an integrator is explicit; None if there is none."""
     if integrator == "Euler":
         return steps.motion.damping - steps.implicit_dampings["Euler"]
+    if integrator == "discrete":
+        return steps.motion.damping - steps.implicit_dampings["implicitfast"]
     return steps.motion.damping if integrator == "RK4" else None
 
 

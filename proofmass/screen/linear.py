@@ -33,6 +33,7 @@ MULTIPLIER_SHARE = 1e-10
 """Least singular value for the multipliers of loops, as a share of the largest."""
 LEAST_MODE_RATE = 1e-3
 """Modes whose eigenvalue is smaller are free motions [1/s]."""
+DISCRETE = mujoco.mjtIntegrator.mjINT_DISCRETE
 LINEAR = mujoco.mjtConstraintState.mjCNSTRSTATE_QUADRATIC
 
 
@@ -79,8 +80,8 @@ class LinearMotion:
     ----------
     masses, stiffness, damping : ndarray (nv, nv)
         M, K and C.
-    own_damping : ndarray (nv, nv)
-        The part of C that springs, dampers and actuators cause, without inertia.
+    own_stiffness, own_damping : ndarray (nv, nv)
+        The parts of K and C that springs, dampers and actuators cause, without inertia and weight.
     rows, multipliers : ndarray (equations, nv), (equations,)
         J and l of the loops.
     soft_rows : ndarray (rows, nv)
@@ -94,7 +95,7 @@ class LinearMotion:
         pose.enter(pose.qpos)
         self.masses, self.rows = pose.masses, pose.constraints.rows
         self.accelerations, self.multipliers = self.solve_start()
-        self.stiffness = self.differentiate_pose()
+        self.stiffness, self.own_stiffness = self.differentiate_pose()
         self.damping, self.own_damping = self.differentiate_velocity()
         pose.enter(pose.qpos)
         mujoco.mj_forward(pose.model, pose.data)  # which rows carry load
@@ -110,14 +111,15 @@ class LinearMotion:
         multipliers = -inverse @ (self.rows @ free)
         return free + answers @ multipliers, multipliers
 
-    def differentiate_pose(self) -> Array:
-        """The stiffness K (nv, nv)."""
+    def differentiate_pose(self) -> tuple[Array, Array]:
+        """The stiffness K (nv, nv), and its part without inertia and weight."""
         changes = POSE_STEP * np.eye(self.pose.model.nv)
-        columns = [self.residual(dq) - self.residual(-dq) for dq in changes]
-        return np.transpose(columns).reshape(2 * changes.shape[:1]) / (2.0 * POSE_STEP)
+        sides = [np.array(self.residuals(dq)) - self.residuals(-dq) for dq in changes]
+        whole, own = np.transpose(sides, (1, 2, 0)) / (2.0 * POSE_STEP)
+        return whole, own
 
-    def residual(self, change: Array) -> Array:
-        """M a - f - J^T l (nv,) in another pose, with a and l of the start."""
+    def residuals(self, change: Array) -> tuple[Array, Array]:
+        """M a - f - J^T l (nv,) in another pose, with a and l of the start, and its own part."""
         pose = self.pose
         pose.enter(pose.moved(change))
         force, loop_force = np.zeros((2, pose.model.nv))
@@ -126,7 +128,7 @@ class LinearMotion:
             multipliers = np.zeros(pose.data.nefc)
             multipliers[: self.multipliers.size] = self.multipliers
             mujoco.mj_mulJacTVec(pose.model, pose.data, loop_force, multipliers)
-        return np.asarray(force - pose.forces - loop_force)
+        return np.asarray(force - pose.forces - loop_force), -pose.own_forces
 
     def differentiate_velocity(self) -> tuple[Array, Array]:
         """The damping C (nv, nv), and its part without inertia."""
@@ -146,20 +148,33 @@ class LinearMotion:
             np.transpose(own_forces).reshape(size) / (2.0 * VELOCITY_STEP),
         )
 
-    def softness(self, step: float) -> tuple[Array, Array, Array]:
+    def softness(
+        self, step: float, integrator: mujoco.mjtIntegrator | None = None
+    ) -> tuple[Array, Array, Array]:
         """Stiffness k, damping b and weight D (rows,) of the soft rows with a time step [SI].
 
-        MuJoCo makes a `solref` at least twice the step (`refsafe`), so that they depend on it.
+        MuJoCo makes a `solref` at least twice the step (`refsafe`), so that they depend on it.  The
+        integrator ``discrete`` evaluates them at the end of the step.
         """
         pose, count = self.pose, self.pose.data.nefc
         if not self.soft_rows.size:
             return np.zeros(0), np.zeros(0), np.zeros(0)
-        own, pose.model.opt.timestep = pose.model.opt.timestep, step
+        own, discrete = (pose.model.opt.timestep, pose.model.opt.integrator), integrator == DISCRETE
+        pose.model.opt.timestep = step
+        pose.model.opt.integrator = own[1] if integrator is None else integrator
         pose.enter(pose.qpos)
-        pose.model.opt.timestep = own
+        if discrete:  # it finds its weights with the forces
+            mujoco.mj_forward(pose.model, pose.data)
+        pose.model.opt.timestep, pose.model.opt.integrator = own
         table = np.array(pose.data.efc_KBIP[: 4 * count]).reshape(-1, 4)[self.carrying]
         weights = np.array(pose.data.efc_D[:count])[self.carrying]
-        return table[:, 0] * table[:, 2], table[:, 1], weights
+        stiffness, damping = table[:, 0] * table[:, 2], table[:, 1]
+        if discrete:
+            # the row's acceleration is -b (v + h a) - k (x + h v + h^2 a), solved for a
+            damping = damping + step * stiffness
+            shared = 1.0 + step * damping
+            return stiffness / shared, damping / shared, weights
+        return stiffness, damping, weights
 
     def modes(self) -> list[VibrationMode]:
         """The modes with exact loops, the fastest first; one for each pair of eigenvalues."""

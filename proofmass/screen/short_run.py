@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -20,6 +21,8 @@ GROWTH_RATIO = 100.0
 """Growth of the distance of two runs, over the growth with a step an eighth as long, from which a
 step counts as unstable.  With 10, motions that are sensitive by themselves count as well; with
 1000, modes that break slowly do not."""
+RESTLESS = 0.01
+"""Speed at the end of a run, over its largest, of a motion that does not come to rest [1]."""
 CALM_SHARE = 8
 """Divisor of the step with which the growth of the motion itself is measured."""
 STOPS = [
@@ -97,31 +100,64 @@ def touched(data: mujoco.MjData) -> Iterator[str]:
         yield "joint limits"
 
 
-def breaks(model: mujoco.MjModel, key: int, step: float) -> bool:
-    """Whether a step is unstable: the run fails, or two runs part faster than with finer steps."""
-    growth, failed = grown_distance(model, key, step)
-    if failed:
+class Parting(NamedTuple):
+    """What two runs from near starts show.
+
+    Attributes
+    ----------
+    failed : bool
+        Whether MuJoCo reports a failure of one of them.
+    growth : float
+        The largest growth of their distance [1].
+    unrest : float
+        The largest speed in the last tenth of the first run over its largest speed [1].
+    """
+
+    failed: bool
+    growth: float = 0.0
+    unrest: float = 0.0
+
+
+def breaks(model: mujoco.MjModel, key: int, step: float, count: int = 0) -> bool:
+    """Whether a step is unstable: the run fails, or differs from one with finer steps.
+
+    Two runs part `GROWTH_RATIO` times faster than with steps of an eighth, or a run keeps moving
+    that comes to rest with finer steps: beyond its limit RK4 may end in a bounded wrong motion.
+    The runs have `count` steps, or as many as a second has.
+    """
+    count = count or steps_of_run(step)
+    coarse = part(model, key, step, count)
+    if coarse.failed:
         return True
-    calm, _ = grown_distance(model, key, step / CALM_SHARE)
-    return growth > GROWTH_RATIO * max(calm, 1.0)
+    if coarse.growth <= GROWTH_RATIO and coarse.unrest <= RESTLESS:
+        return False
+    finer = min(CALM_SHARE * count, STEPS_OF_A_SHORT_RUN)
+    fine = part(model, key, step / CALM_SHARE, finer)
+    if fine.failed:
+        return True
+    keeps_moving = coarse.unrest > RESTLESS > GROWTH_RATIO * fine.unrest
+    return keeps_moving or coarse.growth > GROWTH_RATIO * max(fine.growth, 1.0)
 
 
-def grown_distance(model: mujoco.MjModel, key: int, step: float) -> tuple[float, bool]:
-    """The largest growth of the distance of two runs [1], and whether one of them failed."""
+def part(model: mujoco.MjModel, key: int, step: float, count: int) -> Parting:
+    """Run a model `count` steps [s] from two starts that are `DISTANCE_OF_STARTS` apart."""
     changed = with_step(model, step)
     one, two = start_of(model, key), start_of(model, key)
     disturbance = np.random.default_rng(2).normal(size=model.nv)
     disturbance *= DISTANCE_OF_STARTS / max(np.abs(disturbance).max(initial=0.0), 1e-300)
     mujoco.mj_integratePos(model, two.qpos, disturbance, 1.0)
-    largest, apart = 0.0, np.zeros(model.nv)
-    for _ in range(steps_of_run(step)):
+    farthest, fastest, late, apart = 0.0, 0.0, 0.0, np.zeros(model.nv)
+    for k in range(count):
         mujoco.mj_step(changed, one)
         mujoco.mj_step(changed, two)
         if failure_warning(one) or failure_warning(two):
-            return largest, True
+            return Parting(failed=True)
         mujoco.mj_differentiatePos(model, apart, 1.0, one.qpos, two.qpos)
-        largest = max(largest, float(np.abs(apart).max(initial=0.0)))
-    return largest / DISTANCE_OF_STARTS, False
+        farthest = max(farthest, float(np.abs(apart).max(initial=0.0)))
+        speed = float(np.abs(one.qvel).max(initial=0.0))
+        fastest = max(fastest, speed)
+        late = max(late, speed) if 10 * k >= 9 * count else 0.0
+    return Parting(False, farthest / DISTANCE_OF_STARTS, late / max(fastest, 1e-300))
 
 
 def run_as_it_is(model: mujoco.MjModel, key: int, steps: int) -> tuple[mujoco.MjData, Array]:

@@ -8,6 +8,13 @@ with D = the joints' damping in Euler (0 if eulerdamp is off), the symmetric par
 all passive and actuator forces in implicitfast, and the whole damping in implicit.  RK4 takes it to
 the exponential series of h times the system's matrix up to the fourth power.
 
+The integrator ``discrete`` is implicit in the stiffness K_o of springs, tendons and actuators as
+well, and solves its constraints in the same metric.  With the force -D_i ((b_i + h k_i) v + k_i x +
+(1 + h b_i + h^2 k_i) a) of each soft row at the end of the step, J its rows and W, k', b' their
+weights, stiffnesses and dampings then (`LinearMotion.softness`), it takes (x, v) to
+
+    v' = v - h (M + h D + h^2 K_o + J^T W J)^-1 [(K + J^T W k' J) x + (C + h K_o + J^T W b' J) v].
+
 The limit is the least h with more eigenvalues outside the unit circle than the motion itself has
 growing modes, or with one that grows faster than these.  For one coordinate that gives the limits
 on the page docs/stress.md: 2 (zeta + sqrt(1 + zeta^2)) / omega in Euler, 2 I / kv and 2.785 I / kv
@@ -23,10 +30,10 @@ import mujoco
 import numpy as np
 
 from proofmass.base.arrays import Array
-from proofmass.screen.linear import LinearMotion
+from proofmass.screen.linear import DISCRETE, LinearMotion
 
-INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
-"""The integrators whose limits are computed.  `discrete` is implicit in springs as well."""
+INTEGRATORS = ("Euler", "implicitfast", "implicit", "discrete", "RK4")
+"""The integrators whose limits are computed."""
 OUTSIDE_CIRCLE = 1.001
 """Length of an eigenvalue [1] that counts as outside the unit circle; with 1.0001 limits are lower
 by 0.1 %."""
@@ -94,6 +101,16 @@ class Flow:
         self.rates = np.linalg.eigvals(self.matrix)
 
 
+def positive_part(matrix: Array) -> Array:
+    """The symmetric part of a matrix (n, n) without its negative eigenvalues.
+
+    >>> positive_part(np.array([[2.0, 0.0], [0.0, -1.0]])).tolist()
+    [[2.0, 0.0], [0.0, 0.0]]
+    """
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
+    return np.asarray(vectors * np.maximum(values, 0.0) @ vectors.T)
+
+
 class StepMatrices:
     """The matrices by which steps change the state of a linearised motion.
 
@@ -112,6 +129,7 @@ class StepMatrices:
             "implicitfast": (motion.own_damping + motion.own_damping.T) / 2.0,
             "implicit": motion.damping,
         }
+        self.implicit_stiffness = positive_part(motion.own_stiffness)
         self.flows: dict[bytes, Flow] = {}
 
     def flow(self, step: float) -> "Flow":
@@ -124,6 +142,8 @@ class StepMatrices:
 
     def step(self, integrator: str, step: float) -> Array:
         """The matrix (2 nv, 2 nv) that one step applies to (x, v)."""
+        if integrator == "discrete":
+            return self.discrete_step(step)
         flow = self.flow(step).matrix
         nv = flow.shape[0] // 2
         if integrator == "RK4":
@@ -133,6 +153,20 @@ class StepMatrices:
             return matrix
         masses, implicit = self.motion.masses, self.implicit_dampings[integrator]
         kick = step * np.linalg.solve(masses + step * implicit, masses @ flow[nv:])
+        kick[:, nv:] += np.eye(nv)
+        return np.vstack([np.eye(nv, 2 * nv) + step * kick, kick])
+
+    def discrete_step(self, step: float) -> Array:
+        """The matrix (2 nv, 2 nv) of a step of ``discrete``; its limits of forces are left out."""
+        motion, implicit = self.motion, self.implicit_stiffness
+        stiffness, damping, weights = motion.softness(step, DISCRETE)
+        soft, nv = motion.soft_rows, motion.masses.shape[0]
+        weighted = soft.T * weights
+        metric = motion.masses + step * self.implicit_dampings["implicitfast"]
+        metric += step**2 * implicit + weighted @ soft
+        placed = motion.stiffness + weighted * stiffness @ soft
+        moving = motion.damping + step * implicit + weighted * damping @ soft
+        kick = -step * np.linalg.solve(metric, np.hstack([placed, moving]))
         kick[:, nv:] += np.eye(nv)
         return np.vstack([np.eye(nv, 2 * nv) + step * kick, kick])
 

@@ -9,10 +9,10 @@ import mujoco
 
 from proofmass.base.wording import format_list, number
 from proofmass.screen.breaking_mode import BreakingMode, find_breaking_mode
-from proofmass.screen.finding import FindingKind, ModelFinding, Severity
+from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.pose import RestPose
-from proofmass.screen.short_run import Course, breaks, follow
+from proofmass.screen.short_run import Course, breaks, follow, start_of
 from proofmass.screen.stable_step import INTEGRATORS, LONGEST_STEP, StepMatrices
 
 INTEGRATOR_NAMES = {
@@ -20,6 +20,7 @@ INTEGRATOR_NAMES = {
     mujoco.mjtIntegrator.mjINT_RK4: "RK4",
     mujoco.mjtIntegrator.mjINT_IMPLICIT: "implicit",
     mujoco.mjtIntegrator.mjINT_IMPLICITFAST: "implicitfast",
+    mujoco.mjtIntegrator.mjINT_DISCRETE: "discrete",
 }
 ALL_INTEGRATORS_UP_TO = 40
 """Coordinates up to which the limits of all integrators are computed, not only the model's, and
@@ -77,14 +78,25 @@ class StableSteps:
         return self.own / self.limit
 
 
+def find_own_stable_step(model: mujoco.MjModel, key: int) -> StableSteps:
+    """The limit of the model's own integrator alone, at the start and on the way of a run."""
+    start = start_of(model, key)
+    pose = RestPose(model, start.qpos, start.ctrl, start.act)
+    pose.close()
+    return find_stable_steps(model, key, pose, LinearMotion(pose), every=False)
+
+
 def find_stable_steps(
-    model: mujoco.MjModel, key: int, pose: RestPose, motion: LinearMotion
+    model: mujoco.MjModel, key: int, pose: RestPose, motion: LinearMotion, every: bool = True
 ) -> StableSteps:
-    """The limits of steps at the start, and on the way of a run with a stable step."""
+    """The limits of steps at the start, and on the way of a run with a stable step.
+
+    Without `every` only that of the model's own integrator is computed.
+    """
     own = float(model.opt.timestep)
     integrator = INTEGRATOR_NAMES.get(mujoco.mjtIntegrator(int(model.opt.integrator)), "")
     matrices, few = StepMatrices(motion), model.nv <= ALL_INTEGRATORS_UP_TO
-    wanted = INTEGRATORS if few else (integrator,)
+    wanted = INTEGRATORS if few and every else (integrator,)
     limits = {name: matrices.limit(name, own) for name in wanted if name}
     mine = limits.get(integrator)
     course = follow(model, key, min(own, 0.5 * mine.step) if mine else own)
@@ -180,6 +192,8 @@ def cures(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator[str]:
             yield f'integrator="{name}" (stable up to {format_seconds(min(limit, LONGEST_STEP))})'
     if found.breaking and (armature := curing_armature(model, key, found)):
         yield f'armature="{armature:.2g}" on {found.breaking.joint}'
+    if found.breaking and (gain := curing_gain(model, key, found)):
+        yield f"{gain} on {found.breaking.cause.actuator}"
 
 
 def curing_armature(model: mujoco.MjModel, key: int, found: StableSteps) -> float | None:
@@ -199,6 +213,39 @@ def curing_armature(model: mujoco.MjModel, key: int, found: StableSteps) -> floa
         if not breaks(cured, key, found.own):
             return float(armature)
     return None
+
+
+def curing_gain(model: mujoco.MjModel, key: int, found: StableSteps) -> str:
+    """The gain, as an attribute, with which the model runs with its own step; empty if none is.
+
+    Only that of an actuator which sets the limit, and which an attribute of MJCF states.  The
+    largest gain falls with the step if a damping sets the limit, and with its square if a stiffness
+    does; a `SAFE_SHARE` of it is tried.
+    """
+    assert found.breaking is not None
+    cause = found.breaking.cause
+    if cause.actuator is None:
+        return ""
+    a = actuator_number(model, cause.actuator)
+    least = SAFE_SHARE / (found.ratio if cause.is_damping else found.ratio**2)
+    cured = copy.copy(model)
+    place = 2 if cause.is_damping else 1
+    gain = float(f"{-least * model.actuator_biasprm[a][place]:.2g}")
+    is_velocity = cause.is_damping and model.actuator_biasprm[a][1] == 0.0
+    if gain <= 0.0 or model.actuator_biastype[a] != mujoco.mjtBias.mjBIAS_AFFINE:
+        return ""
+    cured.actuator_biasprm[a][place] = -gain
+    if not cause.is_damping or is_velocity:  # the gain of the control is the same attribute
+        cured.actuator_gainprm[a][0] = gain
+    if breaks(cured, key, found.own):
+        return ""
+    return f'{"kv" if cause.is_damping else "kp"}="{gain:g}"'
+
+
+def actuator_number(model: mujoco.MjModel, actuator: NamedElement) -> int:
+    """The number of an actuator that a finding names; without a name that is its name."""
+    named = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, actuator.name)
+    return named if named >= 0 else int(actuator.name)
 
 
 def describe_ratio(found: StableSteps) -> str:

@@ -83,6 +83,25 @@ def is_engine_warning(message: str) -> bool:
 
 
 @dataclass(frozen=True)
+class Prediction:
+    """A boundary that is computed of a model before any run, as by its first screen.
+
+    Attributes
+    ----------
+    theory : float
+        [its unit]; infinite if there is none, NaN if none is known.
+    law : str
+        What sets it.
+    remedy : str
+        What to write into the model, if its own value is beyond it.
+    """
+
+    theory: float = NAN
+    law: str = ""
+    remedy: str = ""
+
+
+@dataclass(frozen=True)
 class VariedRange:
     """A parameter that is varied, and its range.
 
@@ -143,6 +162,8 @@ class Boundary(VariedRange):
         A description of the failure at `breaks`.
     silent : bool
         Whether the engine itself gave no warning of the failure.
+    remedy : str
+        What to write into the model, if its own value is beyond the boundary.
     """
 
     holds: float = NAN
@@ -154,6 +175,7 @@ class Boundary(VariedRange):
     limit: BoundaryKind = BoundaryKind.HOLDS
     failure: str = ""
     silent: bool = False
+    remedy: str = ""
 
     @property
     def found(self) -> bool:
@@ -254,7 +276,8 @@ BOUNDARY_COLUMNS = {
     "setting": "integrator, or description of another setting",
     "parameter": "the parameter that was varied",
     "unit": "unit of all values in the row; times: multiples of the case's own value",
-    "start": "first value of the parameter",
+    "start": "first value of the parameter; the first one below that of the case that holds, if "
+    "that fails",
     "reach": "last value of the parameter, if no run fails before",
     "holds": "the furthest value that holds; empty if even `start` fails",
     "breaks": "the next value, which fails, at most 1 % further, 2 % if there is `again`, 10 % if "
@@ -268,6 +291,7 @@ BOUNDARY_COLUMNS = {
     "limit": "kind of limit; " + "; ".join(f"{one}: {one.sentence}" for one in BoundaryKind),
     "failure": "description of the failure at `breaks`",
     "silent": "whether the engine itself gave no warning of the failure",
+    "remedy": "what to write into the model, if its own value is beyond the boundary",
     "measured": "square root of holds times breaks, inf or 0 if there is no boundary up to "
     "`reach`; empty if `limit` is ours, or `start` fails",
     "ratio": "measured over theory; 1 if neither has a boundary",

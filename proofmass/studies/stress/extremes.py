@@ -73,6 +73,7 @@ from proofmass.studies.stress.limit_search import (
     reference_follows_masses,
     require,
 )
+from proofmass.studies.stress.stable_steps import search_stable_step
 from proofmass.studies.study import Study
 from proofmass.studies.variants import (
     evaluate_reference,
@@ -382,19 +383,26 @@ def list_extremes(case: Case, study: Study) -> tuple[list[LimitSearch], list[str
 
 
 def search_time_step(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """Increase the time step, with every integrator."""
+    """Increase the time step, with every integrator; where it fails already, start below it."""
     require(stressed.kind == "dynamics", "time step: the run has no time steps")
     require(not stressed.case.recorded, "time step: a recorded curve has its own samples")
-    yield from stressed.search_schemes(
+    searches = stressed.search_schemes(
         "time step",
         "s",
         stressed.step,
         stressed.seconds / MIN_STEPS,
-        lambda parameters, step: stressed.try_in_steps(
-            stressed.case, stressed.seconds, timestep=step, **parameters
-        ),
+        partial(try_time_step, stressed),
         stressed.engine.theory.schemes,
     )
+    for one in searches:
+        yield replace(one, least=stressed.seconds / MAX_SEARCH_STEPS)
+
+
+def try_time_step(
+    stressed: StressedCase, parameters: dict[str, ParameterValue], step: float
+) -> TrialResult:
+    """Run with a time step [s] and the settings of a scheme."""
+    return stressed.try_in_steps(stressed.case, stressed.seconds, timestep=step, **parameters)
 
 
 def search_drive_speed(stressed: StressedCase) -> Iterator[LimitSearch]:
@@ -861,6 +869,7 @@ def find_return_difference(curves: dict[str, Array]) -> Failure | None:
 
 SEARCHES: tuple[Callable[[StressedCase], Iterator[LimitSearch]], ...] = (
     search_time_step,
+    search_stable_step,
     search_drive_speed,
     search_gravity,
     search_mass_ratio,

@@ -7,7 +7,7 @@ limit is not the engine's; see `proofmass.studies.stress.boundary.BoundaryKind`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from itertools import chain
 from math import floor, isclose, isnan, log10
@@ -36,6 +36,7 @@ from proofmass.studies.stress.boundary import (
     Boundary,
     BoundaryKind,
     Failure,
+    Prediction,
     TrialResult,
     VariedRange,
     is_engine_warning,
@@ -84,6 +85,10 @@ TryValue = Callable[[float], TrialResult]
 """Tries a value of the parameter."""
 
 
+PredictValue = Callable[[], Prediction | None]
+"""Predicts a boundary; None if there is no prediction."""
+
+
 T = TypeVar("T")
 
 
@@ -111,6 +116,8 @@ class LimitSearch(VariedRange):
     trial: TryValue
     theory: float = NAN
     law: str = ""
+    least: float = NAN  # down to which a value that holds is searched for, if `start` fails
+    predict: PredictValue | None = None
 
     def find(self, within: float = BOUNDARY_TOLERANCE) -> Boundary:
         """Find the boundary by bisection, and search for other boundaries near it.
@@ -124,18 +131,21 @@ class LimitSearch(VariedRange):
         def test(value: float) -> Failure | None:
             return tried[value].failure
 
-        expected = np.isfinite(self.theory) and self.theory > 0
+        known = (self.predict and self.predict()) or Prediction(self.theory, self.law)
+        expected = np.isfinite(known.theory) and known.theory > 0
         coarse = within if expected else UNKNOWN_BOUNDARY_TOLERANCE
-        holds, breaks, failure = bisect(test, self.start, self.reach, within, coarse)
+        start = find_start(test, self.start, self.least)
+        holds, breaks, failure = bisect(test, start, self.reach, within, coarse)
         again = NAN
         if Bracket(holds, breaks).ratio < NEAREST_FACTOR and is_engine_failure(failure):
             holds, breaks, failure, again = find_first_and_last(
-                test, self.start, self.reach, holds, breaks, failure
+                test, start, self.reach, holds, breaks, failure
             )
-        known = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "trial"}
         message, limit, silent = failure or ("", BoundaryKind.HOLDS, False)
+        varied = {f.name: getattr(self, f.name) for f in fields(VariedRange)}
         return Boundary(
-            **known,
+            **{**varied, "start": start},
+            **asdict(known),
             holds=holds,
             breaks=breaks,
             again=again,
@@ -144,6 +154,25 @@ class LimitSearch(VariedRange):
             failure=message,
             silent=silent,
         )
+
+
+def find_start(test: Callable[[float], Failure | None], start: float, least: float) -> float:
+    """The first value that holds, from `start` down to `least` in strides of `STRIDE_FACTOR`.
+
+    It is `start` if that holds, if none holds, or if proofmass itself gives up on the way.
+
+    >>> failed = Failure("beyond", BoundaryKind.UNSTABLE)
+    >>> find_start(lambda x: None if x < 0.2 else failed, 1.0, 1e-3)
+    0.0625
+    >>> find_start(lambda x: failed, 1.0, 1e-3), find_start(lambda x: failed, 1.0, NAN)
+    (1.0, 1.0)
+    """
+    value = start
+    while is_engine_failure(failure := test(value)):
+        value /= STRIDE_FACTOR
+        if not value >= least:  # not with NaN
+            return start
+    return start if failure else value
 
 
 def bisect(

@@ -251,7 +251,7 @@ def table_row(one: Boundary, tone: Tone, reach: float) -> dict[str, Any]:
         "theory": number(one.theory, 4),
         "ratio": number(one.ratio, 4),
         "ratio_value": one.ratio if one.ratio == one.ratio else "",
-        "law": one.law,
+        "law": one.law + (f"; to do: {one.remedy}" if one.remedy else ""),
         "failure": one.why,
         "silent": "in silence" if one.silent else "",
         "limit": "" if one.limit == BoundaryKind.HOLDS else str(one.limit),
@@ -386,7 +386,8 @@ def describe_boundary(one: Boundary) -> str:
         words = (
             f"Holds {way} to {with_unit(one, number(one.reach))}, the last value that was tried."
         )
-    return words + describe_theory(one)
+    remedy = f" To do: {one.remedy}." if one.remedy else ""
+    return words + describe_theory(one) + remedy
 
 
 def describe_theory(one: Boundary) -> str:

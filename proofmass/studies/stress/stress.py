@@ -10,7 +10,7 @@ Several boundaries are searched for at a time.  The result of each trial is stor
 was stopped can be continued.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -67,6 +67,13 @@ def result_table(found: list[Boundary]) -> Table:
             one.ending,
         )
     return table
+
+
+def cause_lines(found: Iterable[Boundary]) -> Iterator[str]:
+    """Lines for standard output below the table: what breaks at stable steps, and what to do."""
+    for one in found:
+        if one.remedy:
+            yield f"{one.what}, {one.setting}, {one.parameter}: {one.law}; to do: {one.remedy}"
 
 
 @dataclass(frozen=True)
