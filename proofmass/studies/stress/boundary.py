@@ -83,7 +83,7 @@ def is_engine_warning(message: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class PredictedLimit:
     """A boundary that is computed of a model before any run, as by its first screen.
 
     Attributes

@@ -36,7 +36,7 @@ from proofmass.studies.stress.boundary import (
     Boundary,
     BoundaryKind,
     Failure,
-    Prediction,
+    PredictedLimit,
     TrialResult,
     VariedRange,
     is_engine_warning,
@@ -85,7 +85,7 @@ TryValue = Callable[[float], TrialResult]
 """Tries a value of the parameter."""
 
 
-PredictValue = Callable[[], Prediction | None]
+PredictValue = Callable[[], PredictedLimit | None]
 """Predicts a boundary; None if there is no prediction."""
 
 
@@ -131,7 +131,7 @@ class LimitSearch(VariedRange):
         def test(value: float) -> Failure | None:
             return tried[value].failure
 
-        known = (self.predict and self.predict()) or Prediction(self.theory, self.law)
+        known = (self.predict and self.predict()) or PredictedLimit(self.theory, self.law)
         expected = np.isfinite(known.theory) and known.theory > 0
         coarse = within if expected else UNKNOWN_BOUNDARY_TOLERANCE
         start = find_start(test, self.start, self.least)

@@ -28,7 +28,7 @@ from proofmass.screen.steps import (
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.studies.record import ParameterValue
 from proofmass.studies.store import digest, digest_of_sources, package_versions
-from proofmass.studies.stress.boundary import BoundaryKind, Failure, Prediction, TrialResult
+from proofmass.studies.stress.boundary import BoundaryKind, Failure, PredictedLimit, TrialResult
 from proofmass.studies.stress.limit_search import LimitSearch, StressedCase, require
 
 KNOWN_SETTINGS = {"timestep", "integrator"}
@@ -105,15 +105,15 @@ def try_stability(
 
 def predict(
     stressed: StressedCase, settings: dict[str, ParameterValue], reach: float
-) -> Prediction:
+) -> PredictedLimit:
     """What a first screen says of an integrator; limits beyond `reach` [s] count as none."""
     model, key = stepped_model(stressed, settings, stressed.step)
     with collected_warnings():
         found = find_own_stable_step(model, key)
         about = f", about, with {', '.join(found.about)}" if found.about else ""
         if not found.limit < reach or found.breaking is None:
-            return Prediction(inf, f"first screen{about}")
+            return PredictedLimit(inf, f"first screen{about}")
         mode = found.breaking
         remedy = " or ".join(cures(model, key, found)) if found.ratio > 1.0 else ""
     law = f"first screen{about}: {mode.joint} breaks by {mode.cause}, {mode.rates}"
-    return Prediction(found.limit, law, remedy)
+    return PredictedLimit(found.limit, law, remedy)

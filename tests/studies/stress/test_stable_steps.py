@@ -51,13 +51,11 @@ def find_limit(stressed: StressedCase, integrator: str):
         ("stiff_contact", "implicitfast", 3.642e-3, 0.01, "joint j breaks by the stiffness of"),
         # 2.785 I / kv, with the inertia of the last joint's body and what moves with it
         pytest.param(
-            *(
-                "rizon254",
-                "RK4",
-                2.785294 * 0.0009 / 200,
-                0.02,
-                "joint joint7 breaks by the damping",
-            ),
+            "rizon254",
+            "RK4",
+            2.785294 * 0.0009 / 200,
+            0.02,
+            "joint joint7 breaks by the damping",
             marks=pytest.mark.slow,
         ),
         # 2 (zeta + sqrt(1 + zeta^2)) / omega
