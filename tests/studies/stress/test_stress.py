@@ -245,6 +245,7 @@ def test_the_least_inertia_bounds_the_size(stressed):
     assert "stiffness: there are no springs and no rods" in skipped
     assert {s.parameter for s in search} == {
         "time step",
+        "stable time step",
         "gravity",
         "spring in pivot",
         "all lengths larger",
