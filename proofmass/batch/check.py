@@ -3,11 +3,12 @@
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, cast
 
 from proofmass.base.display import ShownAsHtml
 from proofmass.base.errors import InputError, model_error
@@ -21,12 +22,23 @@ from proofmass.batch.work import (
     compare_and_share,
     count_samples,
     load_here,
+    read_remarks_here,
     run_and_compare,
+    screen_here,
     validate_here,
 )
 from proofmass.case.case import Case
-from proofmass.case.inputs import MODEL_ENDING, SIDECAR_ENDING, is_of_others, names_program
+from proofmass.case.inputs import SIDECAR_ENDING, is_of_others, names_program
 from proofmass.sim.engines import NATIVE_ENGINE
+from proofmass.sim.model_source import (
+    ADVICE,
+    MODEL_ENDING,
+    SEARCHED_ENDINGS,
+    SOURCE_ENDINGS,
+    ModelSource,
+    is_model_object,
+    source_of_object,
+)
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
 from proofmass.verdict.comparison import Comparison, Comparisons, failed_comparisons
@@ -46,10 +58,14 @@ from proofmass.verdict.refinement import (
 )
 
 if TYPE_CHECKING:
+    import mujoco
+
     from proofmass.evidence.diagnosis import Diagnosis, Explanation, SharedCause
     from proofmass.screen.screen import Screen
 
-CheckTask = tuple[Case, Kind, str] | FinerRun | Path
+CheckTask = tuple[Case, Kind, str] | FinerRun | ModelSource
+Checkable: TypeAlias = "Path | str | Case | mujoco.MjModel | mujoco.MjSpec"
+"""What can be checked: files and folders by their paths, cases, and models of MuJoCo."""
 LOADING_SECONDS = 60.0  # [s], the time limit of reading a sidecar
 OWN_MODEL_TIMEOUT = 900.0
 """Limit of the processor time of a model without a sidecar [s].  The solutions of its motion end by
@@ -71,7 +87,7 @@ class Result(ShownAsHtml):
     has the remarks on the others.  Only runs that differ or failed have a diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
     `screens` has the first screens of models without a sidecar, and of models that blew up, by the
-    names of their cases.
+    names of their cases; `remarks` what reading such a model left out or assumed.
     `of_others` are files of these folders that are neither sidecars nor models, see `find_inputs`.
     """
 
@@ -83,6 +99,7 @@ class Result(ShownAsHtml):
     diagnoses: dict[tuple[str, str, str], "Diagnosis"] = field(default_factory=dict)
     notes: dict[tuple[str, str, str], tuple[str, ...]] = field(default_factory=dict)
     screens: dict[str, "Screen"] = field(default_factory=dict)
+    remarks: dict[str, tuple[str, ...]] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
     of_others: list[Path] = field(default_factory=list)
@@ -137,12 +154,13 @@ def find_inputs(paths: Iterable[Path], of_others: list[Path] | None = None) -> I
             raise InputError(path, "", "no such file or folder")
         if path.is_dir():
             yield from find_in_folder(path, [] if of_others is None else of_others)
-        elif path.suffix == ".xml" and path.with_suffix(".toml").exists():
-            yield path.with_suffix(".toml")
-        elif path.suffix in (".toml", ".xml"):
+        elif path.suffix in SEARCHED_ENDINGS and path.with_suffix(SIDECAR_ENDING).exists():
+            yield path.with_suffix(SIDECAR_ENDING)
+        elif path.suffix in (SIDECAR_ENDING, *SOURCE_ENDINGS):
             yield path
         else:
-            raise InputError(path, "", "neither a sidecar (.toml), a model (.xml) nor a folder")
+            known = "neither a sidecar (.toml), a model (.xml, .urdf, .mjb) nor a folder"
+            raise InputError(path, "", ADVICE.get(path.suffix, known))
 
 
 def find_in_folder(folder: Path, of_others: list[Path]) -> Iterator[Path]:
@@ -151,13 +169,13 @@ def find_in_folder(folder: Path, of_others: list[Path]) -> Iterator[Path]:
     programs: list[Path] = []
     nothing = True
     for place, folders, files in os.walk(folder, onerror=unreadable.append):
-        there = [Path(place) / name for name in sorted(files + folders)]
+        wrong = [name for name in folders if name.endswith((SIDECAR_ENDING, MODEL_ENDING))]
+        there = [Path(place) / name for name in sorted(files + wrong)]
         folders[:] = sorted(
-            name
-            for name in folders
-            if not name.startswith(".") and not name.endswith((".toml", ".xml"))
+            name for name in folders if not name.startswith(".") and name not in wrong
         )
-        candidates = [file for file in there if file.suffix in (SIDECAR_ENDING, MODEL_ENDING)]
+        known = SIDECAR_ENDING, *SEARCHED_ENDINGS
+        candidates = [file for file in there if file.suffix in known]
         by_owner = group_by(candidates, is_of_others)
         of_others += by_owner.get(True, [])
         ours = by_owner.get(False, [])
@@ -165,7 +183,7 @@ def find_in_folder(folder: Path, of_others: list[Path]) -> Iterator[Path]:
         found += [
             file
             for file in ours
-            if file.suffix == MODEL_ENDING and not file.with_suffix(SIDECAR_ENDING).exists()
+            if file.suffix in SEARCHED_ENDINGS and not file.with_suffix(SIDECAR_ENDING).exists()
         ]
         nothing = nothing and not found
         by_kind = group_by(found, names_program)
@@ -182,7 +200,15 @@ def find_in_folder(folder: Path, of_others: list[Path]) -> Iterator[Path]:
             "the sidecar itself, if you trust it",
         )
     if nothing:
-        raise InputError(folder, "", "no sidecar (.toml) and no model (.xml) in this folder")
+        raise InputError(folder, "", "no sidecar (.toml) and no model (.xml, .urdf) in this folder")
+
+
+def folder_of(file: Path, paths: Iterable[Path]) -> Path | None:
+    """The nearest given folder in which a file was found; None if the file itself was given."""
+    if file in (paths := tuple(paths)):
+        return None
+    given = [path for path in paths if file.is_relative_to(path)]
+    return max(given, key=lambda path: len(path.parts), default=None)
 
 
 def family_of(file: Path, paths: Iterable[Path]) -> str:
@@ -209,7 +235,8 @@ def unique_names(files: Iterable[Path]) -> dict[Path, str]:
     """Choose a name for each sidecar, and each model without one: the name of its file.
 
     If several files have the same name, as many folders are put before it as make it unique.  A
-    sidecar keeps its plain name if only models share it.
+    sidecar keeps its plain name if only models share it.  Models that differ by their endings alone
+    are named with these.
 
     >>> unique_names([Path("/a/arm.toml"), Path("/b/arm.toml"), Path("/b/leg.toml")]).values()
     dict_values(['a/arm', 'b/arm', 'leg'])
@@ -221,12 +248,15 @@ def unique_names(files: Iterable[Path]) -> dict[Path, str]:
         others = [
             places[other]
             for other in same_stem[file.stem]
-            if places[other] != own and (file.suffix == ".xml" or other.suffix == ".toml")
+            if places[other] != own
+            and (file.suffix != SIDECAR_ENDING or other.suffix == SIDECAR_ENDING)
         ]
         length = 1
         while any(other[-length:] == own[-length:] for other in others):
             length += 1
-        found[file] = readable("/".join(own[-length:]))
+        twins = [other for other in same_stem[file.stem] if places[other] == own]
+        ending = file.suffix if twins[1:] and file.suffix != SIDECAR_ENDING else ""
+        found[file] = readable("/".join(own[-length:]) + ending)
     return found
 
 
@@ -255,7 +285,14 @@ def read_isolated(path: Path) -> Case:
 
 
 def load_validated(path: Path, strict: bool = False) -> Case:
-    """Read a sidecar and validate the case.
+    """Read a sidecar and validate the case, see `validate_isolated`."""
+    case = read_isolated(path)
+    validate_isolated(case, strict)
+    return case
+
+
+def validate_isolated(case: Case, strict: bool = False) -> None:
+    """Validate a case in another process.
 
     A validation that takes more time or memory than any of the runs may is no error, since the runs
     will report it; with `strict` it is an error.
@@ -265,7 +302,6 @@ def load_validated(path: Path, strict: bool = False) -> Case:
     InputError
         The sidecar, its model or its reference is at fault.
     """
-    case = read_isolated(path)
     try:
         call_isolated(
             validate_here,
@@ -277,8 +313,7 @@ def load_validated(path: Path, strict: bool = False) -> Case:
         raise
     except Exception as error:  # the runs fail for the same reason, and report it
         if strict:
-            raise InputError(path, "", f"its model or its reference: {error}") from None
-    return case
+            raise InputError(case.file, "", f"its model or its reference: {error}") from None
 
 
 def run_solver(
@@ -332,24 +367,29 @@ def early_end_error(
     )
 
 
-def screen_isolated(model: Path) -> "Screen | None":
+def screen_isolated(source: ModelSource) -> "Screen | None":
     """Screen a model in a worker; None if that fails, since its runs say why."""
-    from proofmass.screen.screen import screen_model
-
     with suppress(Exception):
-        return cast("Screen", call_isolated(screen_model, model, timeout=SCREEN_SECONDS))
+        return cast("Screen", call_isolated(screen_here, source, timeout=SCREEN_SECONDS))
     return None
 
 
-def check_bare_model(model: Path) -> list[Comparison]:
+def remarks_isolated(source: ModelSource) -> tuple[str, ...]:
+    """Do what `read_remarks_here` does, in a worker; empty if that fails, which its runs report."""
+    with suppress(Exception):
+        return call_isolated(read_remarks_here, source, timeout=SCREEN_SECONDS)
+    return ()
+
+
+def check_bare_model(source: ModelSource) -> list[Comparison]:
     """Do what `check_model_here` does, in a worker; a failure is an outcome."""
     try:
-        return [call_isolated(check_model_here, model, timeout=OWN_MODEL_TIMEOUT)]
+        return [call_isolated(check_model_here, source, timeout=OWN_MODEL_TIMEOUT)]
     except BadModel as error:
-        raise model_error(model, error) from None
+        raise model_error(source.file, error) from None
     except tuple(OUTCOME_OF_EXCEPTION) as error:
         outcome = OUTCOME_OF_EXCEPTION[type(error)]
-        one = Comparison(model.stem, NATIVE_ENGINE, "dynamics", "", "")
+        one = Comparison(source.file.stem, NATIVE_ENGINE, "dynamics", "", "")
         return [replace(one, outcome=outcome, message=str(error))]
 
 
@@ -364,7 +404,7 @@ class CaseConsumer(Protocol):
 
 
 def check(
-    paths: Iterable[Path | str] | Path | str = ("models",),
+    paths: "Iterable[Checkable] | Checkable" = ("models",),
     jobs: int | None = None,
     progress: Callable[[str, int, int], None] = lambda *_: None,
     causes: bool = True,
@@ -376,8 +416,9 @@ def check(
 
     Parameters
     ----------
-    paths : path or iterable of path
-        Sidecars, models, folders.
+    paths : path, Case, MjModel, MjSpec, or an iterable of these
+        Sidecars, models (MJCF, URDF, MJB), folders; cases, also changed ones; models of MuJoCo, of
+        which workers get a copy.
     jobs : int, optional
         Number of parallel runs; the number of processors, or of threads of the cluster, if not
         given.
@@ -399,13 +440,13 @@ def check(
     Result
         Errors of the input are collected in `Result.errors`; the other cases still run.
     """
-    given = tuple(map(Path, [paths] if isinstance(paths, Path | str) else paths))
+    given, objects = sort_given(paths)
     if dask is not None:
         given = tuple(path.absolute() for path in given)  # workers run in other folders
     result = Result(paths=given)
     with pool(jobs, dask) as executor, ThreadPoolExecutor(os.cpu_count()) as threads:
         inputs = collect_inputs(given, result.errors, result.of_others)
-        parts = plan_parts(inputs, result, executor)
+        parts = plan_parts(inputs, objects, result, executor)
         if consumer is not None:
             consumer.begin(result)
         follow = partial(stages_of, causes=causes, detectable=detectable, consumer=consumer)
@@ -430,72 +471,135 @@ class CheckStep(NamedTuple):
     here: bool = False
 
 
-@dataclass
-class FileWork:
-    """The work on one file: the tasks that it asks for, and the part of the result that they give.
+def sort_given(given: "Iterable[Checkable] | Checkable") -> tuple[tuple[Path, ...], list[Any]]:
+    """The paths among what is to be checked, and the cases and models of MuJoCo.
 
-    `name` is the name of the file in the result.
+    Raises
+    ------
+    TypeError
+        Something is none of these.
+    """
+    single = isinstance(given, Path | str | Case) or is_model_object(given)
+    things = [given] if single else list(cast("Iterable[Checkable]", given))
+    paths, objects = list[Path](), list[Any]()
+    for one in things:
+        if isinstance(one, Path | str):
+            paths.append(Path(one))
+        elif isinstance(one, Case) or is_model_object(one):
+            objects.append(one)
+        else:
+            raise TypeError(
+                f"{type(one).__name__} cannot be checked; give a path, a Case, an MjModel or an "
+                "MjSpec, or several of these"
+            )
+    return tuple(paths), objects
+
+
+@dataclass
+class NamedWork:
+    """The work on one input: the tasks that it asks for, and the part of the result that they give.
+
+    `name` is its name in the result, which no other has.
     """
 
-    file: Path
     name: str
     tasks: list[CheckTask]
     result: Result
 
+    def add_case(self, case: Case) -> None:
+        """Plan the runs of a case."""
+        self.tasks += [(case, kind, s) for kind, run in case.run.items() for s in run.solvers]
+        self.tasks += refinement_runs(case)
+        self.result.cases.append(case)
 
-def plan_parts(paths: list[Path], result: Result, pool: Executor) -> list[FileWork]:
-    """Read the sidecars and plan the work on each file; cases and errors go to the result."""
-    parts: list[FileWork] = []
-    names = unique_names(paths)
-    read = {path: pool.submit(load_validated, path) for path in paths if path.suffix != ".xml"}
+
+def plan_parts(
+    paths: list[Path], objects: list[Any], result: Result, pool: Executor
+) -> list[NamedWork]:
+    """Read the sidecars and plan the work on each input; cases and errors go to the result."""
+    parts: list[NamedWork] = []
+    names, taken = unique_names(paths), set[str]()
+    read = {path: pool.submit(load_validated, path) for path in paths if is_case_file(path)}
+    objects = [
+        (one, pool.submit(validate_isolated, one)) if isinstance(one, Case) else (one, None)
+        for one in objects
+    ]
+
+    def plan(name: str) -> NamedWork:
+        taken.add(name)
+        parts.append(NamedWork(name, [], Result(paths=result.paths)))
+        return parts[-1]
+
+    def free_name(name: str) -> str:
+        others = (f"{name} {k}" for k in count(2))
+        return name if name not in taken else next(one for one in others if one not in taken)
+
     for path in paths:
-        own = FileWork(path, names[path], [], Result(paths=result.paths))
-        try:
-            if path not in read:
-                own.tasks.append(path)
-            else:
+        with collected_error(result):
+            if path in read:
                 case = rename_case(read[path].result(), names[path])
-                own.tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
-                own.tasks += refinement_runs(case)
-                own.result.cases.append(case)
-                result.cases.append(case)
-            parts.append(own)
-        except InputError as error:
-            result.errors.append(error)
+                plan(names[path]).add_case(case)
+            else:
+                source = ModelSource(path, within=folder_of(path, result.paths))
+                plan(names[path]).tasks.append(source)
+    for one, validated in objects:
+        with collected_error(result):
+            if validated is not None:
+                validated.result()
+                name = free_name(one.name)
+                plan(name).add_case(rename_case(one, name))
+            else:
+                source = source_of_object(one, free_name)
+                plan(source.file.name).tasks.append(source)
+    result.cases.extend(case for part in parts for case in part.result.cases)
     return parts
 
 
+@contextmanager
+def collected_error(result: Result) -> Iterator[None]:
+    """Add an `InputError` of the context to the errors of a result."""
+    try:
+        yield
+    except InputError as error:
+        result.errors.append(error)
+
+
+def is_case_file(path: Path) -> bool:
+    """Whether an input is read as a sidecar."""
+    return path.suffix not in SOURCE_ENDINGS
+
+
 def run_parts(
-    parts: list[FileWork],
+    parts: list[NamedWork],
     executor: Executor,
     threads: Executor,
     jobs: int,
     progress: Callable[[str, int, int], None],
-    follow: Callable[[FileWork], Iterator[list[CheckStep]]],
+    follow: Callable[[NamedWork], Iterator[list[CheckStep]]],
 ) -> None:
-    """Do the work on all files; `follow` gives the steps of a file, stage by stage.
+    """Do the work on all inputs; `follow` gives the steps of an input, stage by stage.
 
     Steps that are made in this process use the `threads`.  A stage begins when all steps of the
-    stage before it have ended.  A free thread continues with a step of its last file: its worker
+    stage before it have ended.  A free thread continues with a step of its last input: its worker
     has the compiled model in memory, and the reference at changed parameters.
     """
-    stages = {part.file: follow(part) for part in parts}
-    waiting = {file: steps for file in stages if (steps := next_steps(stages[file]))}
-    left = {file: len(steps) for file, steps in waiting.items()}
+    stages = {part.name: follow(part) for part in parts}
+    waiting = {name: steps for name in stages if (steps := next_steps(stages[name]))}
+    left = {name: len(steps) for name, steps in waiting.items()}
     total, done = sum(bool(step.label) for steps in waiting.values() for step in steps), 0
-    running, last = dict[Future[Any], tuple[Path, CheckStep]](), list[Path]()
+    running, last = dict[Future[Any], tuple[str, CheckStep]](), list[str]()
     while waiting or running:
         while waiting and len(running) < jobs:
-            busy = {file for file, _ in running.values()}
-            file, step = take_step(waiting, last.pop() if last else None, busy)
-            running[(threads if step.here else executor).submit(step.call)] = file, step
+            busy = {name for name, _ in running.values()}
+            name, step = take_step(waiting, last.pop() if last else None, busy)
+            running[(threads if step.here else executor).submit(step.call)] = name, step
         for future in wait(running, return_when=FIRST_COMPLETED).done:
-            file, step = running.pop(future)
-            last.append(file)
+            name, step = running.pop(future)
+            last.append(name)
             step.keep(future)
-            left[file] -= 1
-            if not left[file] and (steps := next_steps(stages[file])):
-                waiting[file], left[file] = steps, len(steps)
+            left[name] -= 1
+            if not left[name] and (steps := next_steps(stages[name])):
+                waiting[name], left[name] = steps, len(steps)
                 total += sum(bool(step.label) for step in steps)
             if step.label:
                 done += 1
@@ -508,30 +612,29 @@ def next_steps(stages: Iterator[list[CheckStep]]) -> list[CheckStep]:
 
 
 def take_step(
-    waiting: dict[Path, list[CheckStep]], preferred: Path | None, busy: set[Path]
-) -> tuple[Path, CheckStep]:
-    """Take a step of the file `preferred`, or of a file that no thread is busy with, or of any
-    file.
+    waiting: dict[str, list[CheckStep]], preferred: str | None, busy: set[str]
+) -> tuple[str, CheckStep]:
+    """Take a step of the input `preferred`, or of one that no thread is busy with, or of any.
 
     >>> first, second, third = (CheckStep(label, int) for label in "abc")
-    >>> waiting = {Path("1"): [first, second], Path("2"): [third]}
-    >>> [take_step(waiting, *how)[1].label for how in ((None, set()), (None, {Path("1")}))]
+    >>> waiting = {"1": [first, second], "2": [third]}
+    >>> [take_step(waiting, *how)[1].label for how in ((None, set()), (None, {"1"}))]
     ['a', 'c']
-    >>> take_step(waiting, Path("2"), {Path("1")})[1].label, waiting
+    >>> take_step(waiting, "2", {"1"})[1].label, waiting
     ('b', {})
     """
-    free = [file for file in waiting if file not in busy]
-    file = preferred if preferred in waiting else (free or list(waiting))[0]
-    step = waiting[file].pop(0)
-    if not waiting[file]:
-        del waiting[file]
-    return file, step
+    free = [name for name in waiting if name not in busy]
+    name = preferred if preferred in waiting else (free or list(waiting))[0]
+    step = waiting[name].pop(0)
+    if not waiting[name]:
+        del waiting[name]
+    return name, step
 
 
 def stages_of(
-    part: FileWork, causes: bool, detectable: bool, consumer: CaseConsumer | None
+    part: NamedWork, causes: bool, detectable: bool, consumer: CaseConsumer | None
 ) -> Iterator[list[CheckStep]]:
-    """Yield the steps of a file: its runs, their judgement, the causes, and what a consumer does.
+    """Yield the steps of an input: runs, their judgement, causes, and what a consumer does.
 
     A run with bad input adds an error to the part's result instead of its outcome.
     """
@@ -548,19 +651,25 @@ def stages_of(
         if found := future.result():
             result.screens[part.name] = found
 
-    bare = [task for task in part.tasks if isinstance(task, Path)]
+    def keep_remarks(future: Future[tuple[str, ...]]) -> None:
+        if found := future.result():
+            result.remarks[part.name] = found
+
+    bare = [task for task in part.tasks if isinstance(task, ModelSource)]
     yield [
         CheckStep(task_label(task), partial(run_task, task, detectable), partial(keep_outcome, k))
         for k, task in enumerate(part.tasks)
     ]
-    yield [CheckStep("", partial(screen_isolated, model), keep_screen) for model in bare]
+    yield [CheckStep("", partial(screen_isolated, source), keep_screen) for source in bare]
+    lossy = [source for source in bare if source.may_lose]
+    yield [CheckStep("", partial(remarks_isolated, source), keep_remarks) for source in lossy]
     yield [CheckStep("", partial(collect_outcomes, part.tasks, outcomes, result), here=True)]
     outcomes.clear()
     part.tasks.clear()  # the study of a refinement holds the curves of all its runs
     if not result.cases:
         result.comparisons[:] = [replace(c, case=part.name) for c in result.comparisons]
     if causes:
-        models = [case.model_path for case in result.cases if blew_up(result, case)]
+        models = [ModelSource(case.model_path) for case in result.cases if blew_up(result, case)]
         yield [CheckStep("", partial(screen_isolated, model), keep_screen) for model in models]
         yield list(diagnosis_steps(result))
     if consumer is not None:
@@ -584,6 +693,7 @@ def add_part(result: Result, part: Result) -> None:
     result.notes.update(part.notes)
     result.refined.extend(part.refined)
     result.screens.update(part.screens)
+    result.remarks.update(part.remarks)
     result.failed.update(part.failed)
     result.diagnoses.update(part.diagnoses)
     known = set(map(str, result.errors))
@@ -619,13 +729,13 @@ def collect_outcomes(
                 result.errors.append(task.case.error("refine", str(error)))
                 continue
             result.refined.extend(rows)
-        elif curves is not None and not isinstance(task, Path):
+        elif curves is not None and not isinstance(task, ModelSource):
             kept = result.failed if comparisons[0].outcome in FAILED_OUTCOMES else result.curves
             kept[task[0].name, task[1], task[2]] = curves
             if kept is result.curves:
                 result.notes[task[0].name, task[1], task[2]] = curves.notes
         result.comparisons.extend(comparisons)
-        if not isinstance(task, Path) and (early := early_end_error(*task[:3], curves)):
+        if not isinstance(task, ModelSource) and (early := early_end_error(*task[:3], curves)):
             result.errors.append(early)
 
 
@@ -743,7 +853,7 @@ def collect_inputs(
 
 def run_task(task: CheckTask, detectable: bool = True) -> tuple[list[Comparison], Curves | None]:
     """Run one task: a run of a case, or the check of a model without a sidecar."""
-    if isinstance(task, Path):
+    if isinstance(task, ModelSource):
         return check_bare_model(task), None
     if isinstance(task, FinerRun):
         return run_solver(*task[:3], compare_curves=refined_errors)
@@ -752,12 +862,12 @@ def run_task(task: CheckTask, detectable: bool = True) -> tuple[list[Comparison]
 
 def task_file(task: CheckTask) -> Path:
     """The file that asked for a task."""
-    return task if isinstance(task, Path) else task[0].file
+    return task.file if isinstance(task, ModelSource) else task[0].file
 
 
 def task_label(task: CheckTask) -> str:
     """The name of a task in a progress line."""
-    if isinstance(task, Path):
-        return task.name
+    if isinstance(task, ModelSource):
+        return task.file.name
     finer = f", {task.segments} segments" if isinstance(task, FinerRun) else ""
     return f"{task[0].name} {task[1]} {task[2]}{finer}"

@@ -7,6 +7,7 @@ loads what it needs when it is called, so that the main process loads no engine 
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from proofmass.base.errors import InputError
 from proofmass.base.read_once import serve_model
@@ -14,9 +15,13 @@ from proofmass.base.strict import Kind
 from proofmass.base.worker import Crashed
 from proofmass.case.case import Case
 from proofmass.sim.engines import NATIVE_ENGINE, engine_of
+from proofmass.sim.model_source import ModelSource
 from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.comparison import Comparison, Comparisons
 from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
+
+if TYPE_CHECKING:
+    from proofmass.screen.screen import Screen
 
 OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES = 1.0, 101
 """Length of the motion of a model without a sidecar [s], and the number of times at which two ways
@@ -77,7 +82,19 @@ def run_and_compare(
         raise Crashed(f"{type(error).__name__}: {error}") from error
 
 
-def check_model_here(model: Path) -> Comparison:
+def read_remarks_here(source: ModelSource) -> tuple[str, ...]:
+    """What reading a model left out or assumed."""
+    return source.read().remarks
+
+
+def screen_here(source: ModelSource) -> "Screen":
+    """Screen a model, see `proofmass.screen.screen.screen_model`."""
+    from proofmass.screen.screen import screen_source
+
+    return screen_source(source)
+
+
+def check_model_here(source: ModelSource) -> Comparison:
     """Check a model without a sidecar by itself, see `proofmass.reference.self_consistency`.
 
     The comparison has the error of the model's own run; `at` is the time until which the motion is
@@ -86,11 +103,11 @@ def check_model_here(model: Path) -> Comparison:
     from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 
     motion = engine_of(NATIVE_ENGINE).own_equations.solve_motion(
-        model, OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES, PROCESSOR_SECONDS
+        source.read().model, OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES, PROCESSOR_SECONDS
     )
     own = motion.runs[0]
     found = Comparison(
-        model.stem,
+        source.file.stem,
         NATIVE_ENGINE,
         "dynamics",
         "",

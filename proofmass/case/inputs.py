@@ -13,9 +13,12 @@ from typing import Any
 from proofmass.base.errors import InputError
 from proofmass.base.files import read_bytes
 from proofmass.base.lines import COMMENT
+from proofmass.sim.model_source import MODEL_ENDING, URDF_ENDING
 
 REFERENCE = b"reference"  # the key that each sidecar has
-SIDECAR_ENDING, MODEL_ENDING = ".toml", ".xml"
+SIDECAR_ENDING = ".toml"
+ROOT_TAGS = {MODEL_ENDING: b"mujoco", URDF_ENDING: b"robot"}
+"""The root element of a model, by the ending of its file."""
 PROGRAM_ENDING, RECORDED_ENDING = ".py", ".csv"
 ROOT_ELEMENT = re.compile(rb"<([A-Za-z_][\w.-]*)")
 """The first tag of an XML file that is neither its declaration nor a comment."""
@@ -30,7 +33,7 @@ def is_sidecar(path: Path) -> bool:
 
 
 def is_of_others(path: Path) -> bool:
-    """Whether a file that ends in ``.toml`` or ``.xml`` is certainly neither sidecar nor model.
+    """Whether a TOML file, an XML file or a URDF is certainly neither a sidecar nor a model.
 
     A sidecar may be faulty, and is then an error.  So a TOML file is of others only if no MJCF of
     the same name is beside it, and if it has no key ``reference``, or is no TOML and does not have
@@ -39,8 +42,8 @@ def is_of_others(path: Path) -> bool:
     content = content_of(path)
     if content is None:
         return False
-    if path.suffix == MODEL_ENDING:
-        return not has_model_root(content)
+    if path.suffix in ROOT_TAGS:
+        return root_tag(content) != ROOT_TAGS[path.suffix]
     if is_model(path.with_suffix(MODEL_ENDING)):
         return False
     table = parse_toml(content)
@@ -110,5 +113,10 @@ def has_model_root(content: bytes) -> bool:
 
     A fragment that other models include, ``<mujocoinclude>``, is no model.
     """
+    return root_tag(content) == ROOT_TAGS[MODEL_ENDING]
+
+
+def root_tag(content: bytes) -> bytes:
+    """The tag of the root element of XML; empty if there is none."""
     root = ROOT_ELEMENT.search(COMMENT.sub(b"", content))
-    return root is not None and root[1] == b"mujoco"
+    return root[1] if root else b""

@@ -414,7 +414,9 @@ def new_command(
     ] = None,
     model: Annotated[
         Path | None,
-        typer.Option("--from", help="A model to write a sidecar for.", metavar="MODEL.xml"),
+        typer.Option(
+            "--from", help="A model, MJCF or URDF, to write a sidecar for.", metavar="MODEL"
+        ),
     ] = None,
 ) -> None:
     """Write a model with a sidecar, a case that agrees, or a sidecar for a given model."""
@@ -428,6 +430,10 @@ def new_command(
             raise ValueError(
                 "--output does not go with --from: the sidecar is written into the model's folder"
             )
+        elif model.suffix == ".urdf":
+            from proofmass.commands.new_from_urdf import write_from_urdf
+
+            files, messages = write_from_urdf(name, model)
         else:
             from proofmass.commands.new_from_model import write_proposal
 
@@ -462,7 +468,13 @@ def schema_command(
 @app.command("list")
 def list_command(paths: Paths = None) -> None:
     """List the cases and their runs, without running them."""
-    from proofmass.batch.check import collect_inputs, read_isolated, rename_case, unique_names
+    from proofmass.batch.check import (
+        collect_inputs,
+        is_case_file,
+        read_isolated,
+        rename_case,
+        unique_names,
+    )
     from proofmass.formats.terminal import case_table, make_console
 
     found: list[InputError] = []
@@ -471,7 +483,7 @@ def list_command(paths: Paths = None) -> None:
     paths = paths or [Path("models")]
     for path, name in unique_names(collect_inputs(paths, found)).items():
         try:
-            if path.suffix == ".xml":
+            if not is_case_file(path):
                 bare_models.append(path)
             else:
                 cases.append(rename_case(read_isolated(path), name))

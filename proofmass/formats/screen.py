@@ -22,9 +22,13 @@ MAX_FINDINGS = 12
 """Findings that are printed; JSON has all of them."""
 
 
-def screen_lines(screen: Screen) -> Iterator[Text]:
-    """The lines of a screen: what the model is, then the findings, the worst first."""
-    yield Text(f"{screen.name}: {describe_model(screen)}", style="bold")
+def screen_lines(screen: Screen, name: str = "") -> Iterator[Text]:
+    """The lines of a screen: what the model is, then the findings, the worst first.
+
+    `name` is that of a model without a file.
+    """
+    called = screen.name if screen.file else name or screen.name
+    yield Text(f"{called}: {describe_model(screen)}", style="bold")
     for finding in screen.findings[:MAX_FINDINGS]:
         sign, style = SIGNS[finding.severity]
         yield Text.assemble((f"  {sign} ", style), finding.text)

@@ -94,8 +94,8 @@ def first_screens(result: Result) -> Iterator[Text]:
     if result.screens:
         from proofmass.formats.screen import screen_lines  # loads MuJoCo
 
-        for found in result.screens.values():
-            yield from screen_lines(found)
+        for name, found in result.screens.items():
+            yield from screen_lines(found, name)
 
 
 def cause_data(cause: "SharedCause") -> dict[str, Any]:
@@ -424,7 +424,12 @@ def format_largest(judged: list[Comparison]) -> str:
 
 
 def note_lines(result: Result) -> Iterator[str]:
-    """Yield the notes on curves; a note on several solvers of a case is given once."""
+    """Yield the remarks on models and the notes on curves.
+
+    A note on several solvers of a case is given once.
+    """
+    for name, remarks in result.remarks.items():
+        yield from (f"{name}: {remark}" for remark in remarks)
     runs_by_note: dict[tuple[str, str], list[str]] = {}
     for (name, run, solver), notes in result.notes.items():
         for note in notes:

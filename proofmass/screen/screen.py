@@ -28,7 +28,8 @@ from proofmass.screen.short_run import run_as_it_is, start_of
 from proofmass.screen.soft_loops import judge_soft_loops, judge_stops
 from proofmass.screen.start_checks import judge_sensors, judge_start
 from proofmass.screen.steps import StableSteps, find_stable_steps, judge_steps
-from proofmass.sim.mjcf import collected_warnings, compile_model
+from proofmass.sim.mjcf import collected_warnings
+from proofmass.sim.model_source import ModelSource
 
 LINEARISED_UP_TO = 300
 """Coordinates up to which a motion is linearised; 300 take about 10 s."""
@@ -93,7 +94,7 @@ def screen_model(model: mujoco.MjModel | Path | str) -> Screen:
     Parameters
     ----------
     model : MjModel or path
-        A compiled model, or an MJCF file.
+        A compiled model, or a file: an MJCF, a URDF or an MJB.
 
     Returns
     -------
@@ -102,7 +103,7 @@ def screen_model(model: mujoco.MjModel | Path | str) -> Screen:
     Raises
     ------
     BadModel
-        The file cannot be compiled.
+        The file cannot be read or compiled.
 
     Examples
     --------
@@ -122,9 +123,13 @@ def screen_model(model: mujoco.MjModel | Path | str) -> Screen:
     1
     """
     if isinstance(model, Path | str):
-        path = Path(model)
-        return screen_compiled(compile_model(path), path)
+        return screen_source(ModelSource(Path(model)))
     return screen_compiled(model, None)
+
+
+def screen_source(source: ModelSource) -> Screen:
+    """Do what `screen_model` does with a model in any form."""
+    return screen_compiled(source.read().model, source.file if source.is_file else None)
 
 
 def screen_compiled(model: mujoco.MjModel, file: Path | None) -> Screen:

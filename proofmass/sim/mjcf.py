@@ -150,19 +150,41 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
                 f"large, such as one with a height field of 1e6 rows"
             ) from None
     refuse_nan(path, collected)
+    return require_usable(model, path.name, path)
+
+
+def require_usable(model: mujoco.MjModel, name: str, path: Path | None = None) -> mujoco.MjModel:
+    """The compiled model itself, without the numbers of what its flags disable.
+
+    Parameters
+    ----------
+    model : MjModel
+        It is changed in place, see `leave_out_disabled`.
+    name : str
+        What messages call it.
+    path : Path, optional
+        Its MJCF file, in which a wrong number is looked for.
+
+    Raises
+    ------
+    BadModel
+        A number is not finite or too large, or a name is not in UTF-8.
+    """
     if not model.opt.timestep > 0:
-        raise BadModel(f"{path.name}: <option>: timestep {model.opt.timestep:g} is not positive")
+        raise BadModel(f"{name}: <option>: timestep {model.opt.timestep:g} is not positive")
     if (oversized := oversized_number(model)) is not None:
-        if where := locate_number(path, is_infinite):
-            raise BadModel(f"{path.name}: {where} is not finite")
+        if where := path and locate_number(path, is_infinite):
+            raise BadModel(f"{name}: {where} is not finite")
         field, value = oversized
-        where = locate_number(path, is_oversized) or f"{field} has the number {value:g}, which"
-        raise BadModel(f"{path.name}: {where} is too large; numbers may be up to {LARGEST:g}")
+        where = (path and locate_number(path, is_oversized)) or (
+            f"{field} has the number {value:g}, which"
+        )
+        raise BadModel(f"{name}: {where} is too large; numbers may be up to {LARGEST:g}")
     try:
         model.names.decode()
     except UnicodeDecodeError as error:
         raise BadModel(
-            f"{path.name}: the byte 0x{error.object[error.start]:02x} of a name is not "
+            f"{name}: the byte 0x{error.object[error.start]:02x} of a name is not "
             f"UTF-8; save the file as UTF-8"
         ) from None
     leave_out_disabled(model)

@@ -44,6 +44,7 @@ from proofmass.reference.evaluate import evaluate
 from proofmass.run import solve as solve_module
 from proofmass.run import validate as validate_module
 from proofmass.run.sidecar import load_case
+from proofmass.sim.model_source import ModelSource
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, Diverged, NotSolved, Unsupported
@@ -139,7 +140,7 @@ def test_a_folder_of_others_alone_is_an_error(tmp_path):
     (tmp_path / "pyproject.toml").write_text(OF_OTHERS["pyproject.toml"])
     answer = CliRunner().invoke(app, ["check", str(tmp_path)])
     assert answer.exit_code == 2
-    assert "no sidecar (.toml) and no model (.xml) in this folder" in answer.output
+    assert "no sidecar (.toml) and no model (.xml, .urdf) in this folder" in answer.output
 
 
 def test_files_left_alone_are_told_in_one_line_and_in_json(short, tmp_path):
@@ -160,6 +161,7 @@ def test_sidecars_and_models_are_found_below_a_path(models, tmp_path):
     (models / "pendulum.toml").unlink()
     empty = tmp_path / "empty"
     empty.mkdir()
+    (models / "a.sdf").write_text("<sdf/>")
     (models / "notes.txt").write_text("")
     for name in ("alone.toml", "alone.xml"):
         (tmp_path / name).mkdir()
@@ -176,8 +178,11 @@ def test_sidecars_and_models_are_found_below_a_path(models, tmp_path):
     assert list(find_inputs([models / "fourbar.xml"])) == pair[:1]
     for path, words in (
         (tmp_path / "no", "no such file or folder"),
-        (empty, "no sidecar (.toml) and no model (.xml) in this folder"),
-        (models / "notes.txt", "neither a sidecar (.toml), a model (.xml) nor a folder"),
+        (empty, "no sidecar (.toml) and no model (.xml, .urdf) in this folder"),
+        (
+            models / "notes.txt",
+            "neither a sidecar (.toml), a model (.xml, .urdf, .mjb) nor a folder",
+        ),
     ):
         assert key_and_message(lambda p: list(find_inputs([p])), path) == ("", words)
 
@@ -461,7 +466,8 @@ def test_a_sweep_that_ends_early_says_where(short):
 def test_a_model_without_a_sidecar_is_checked_for_self_consistency(short, workers, monkeypatch):
     monkeypatch.setattr(own_motion, "MAX_HALVINGS", own_motion.MIN_HALVINGS)
     model = short.with_suffix(".xml")
-    (found,) = check_bare_model(model)
+    source = ModelSource(model)
+    (found,) = check_bare_model(source)
     assert workers[-1] == ("check_model_here", OWN_MODEL_TIMEOUT, None)
     assert (found.case, found.solver, found.run, found.channel, found.unit) == (
         "pendulum",
@@ -479,10 +485,10 @@ def test_a_model_without_a_sidecar_is_checked_for_self_consistency(short, worker
     assert found.seconds > 0
     for kind, outcome in OUTCOME_OF_EXCEPTION.items():
         workers.fails["check_model_here"] = kind("why")
-        (found,) = check_bare_model(model)
+        (found,) = check_bare_model(source)
         assert (found.outcome, found.message) == (outcome, "why")
     workers.fails["check_model_here"] = BadModel("pendulum.xml: broken")
-    assert key_and_message(check_bare_model, model) == ("", "broken")
+    assert key_and_message(check_bare_model, source) == ("", "broken")
 
 
 def test_a_fault_in_one_input_does_not_stop_the_check_of_others(short, workers, tmp_path, briefly):

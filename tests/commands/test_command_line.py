@@ -86,7 +86,7 @@ def test_a_folder_with_nothing_in_it_is_bad_input(tmp_path):
     for command in ("list", "check", "trade", "stress"):
         answer = run_command(command, tmp_path)
         assert answer.exit_code == 2
-        assert "no sidecar (.toml) and no model (.xml) in this folder" in answer.output
+        assert "no sidecar (.toml) and no model (.xml, .urdf) in this folder" in answer.output
 
 
 def test_a_model_in_which_nothing_moves_is_not_green(tmp_path):

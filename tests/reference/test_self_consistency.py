@@ -15,6 +15,7 @@ import pytest
 from proofmass.batch.check import check
 from proofmass.batch.work import check_model_here
 from proofmass.reference.self_consistency import AGREEMENT_SHARE, Rung, why_failed
+from proofmass.sim.model_source import ModelSource
 from proofmass.sim.protocol.own_equations import OwnMotion, OwnRun
 from proofmass.verdict.outcome import Outcome
 
@@ -467,7 +468,8 @@ def test_the_check_of_a_model_has_the_cost_and_the_violation_of_its_own_run(monk
     motion = replace(own, runs=(late, *own.runs[1:]))
     engine = SimpleNamespace(own_equations=SimpleNamespace(solve_motion=lambda *_: motion))
     monkeypatch.setattr(sys.modules[check_model_here.__module__], "engine_of", lambda _: engine)
-    found = check_model_here(tmp_path / "arm.xml")
+    (tmp_path / "arm.xml").write_text("<mujoco/>")
+    found = check_model_here(ModelSource(tmp_path / "arm.xml"))
     assert (found.case, found.outcome, found.steps) == ("arm", Outcome.SELF_CONSISTENT, 250)
     assert (found.violation, found.at) == (pytest.approx(1e-3), pytest.approx(0.5))
     assert found.error_max == pytest.approx(ERROR_RATE * 0.5, rel=1e-6)

@@ -42,7 +42,7 @@ from proofmass.sim.mjcf import (
 )
 from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, initialize_dynamics, moments_of_drives
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder, load, translate_fatal_errors
+from proofmass.sim.mujoco.model import Recorder, load, prepare_model, translate_fatal_errors
 from proofmass.sim.mujoco.sensors import (
     drive_moment_curves,
     drive_sensors,
@@ -249,7 +249,7 @@ class MujocoOwnEquations(OwnEquations):
 
     def solve_motion(
         self,
-        path: Path,
+        model: Path | mujoco.MjModel,
         until: float,
         samples: int,
         seconds: float,
@@ -260,8 +260,9 @@ class MujocoOwnEquations(OwnEquations):
         """See `OwnEquations.solve_motion`; `proofmass.sim.mujoco.work` counts the time."""
         run = Run("passive", np.array([0.0, until]), (), drives, start, loads=loads)
         with translate_fatal_errors(), collected_warnings() as warned:
-            found = solve_in_several_ways(path, run, samples, seconds)
-        return replace(found, notes=warning_notes(compile_model(path), warned) if warned else ())
+            compiled = compile_model(model) if isinstance(model, Path) else copy.copy(model)
+            found = solve_in_several_ways(compiled, run, samples, seconds)
+        return replace(found, notes=warning_notes(compiled, warned) if warned else ())
 
     def solve_closely(self, path: Path, run: Run) -> Curves:
         """Solve a motion by DOP853 with a tolerance of 1e-9, and read all sensors at all samples.
@@ -281,13 +282,15 @@ class MujocoOwnEquations(OwnEquations):
             return solve_without_fixed_steps(path, run)
 
 
-def solve_in_several_ways(path: Path, run: Run, samples: int, seconds: float) -> OwnMotion:
+def solve_in_several_ways(
+    model: mujoco.MjModel, run: Run, samples: int, seconds: float
+) -> OwnMotion:
     """Solve a passive run with finer and finer steps, without steps, and with changes.
 
-    The samples are whole steps apart.
+    The samples are whole steps apart.  The model is prepared in place.
     """
     until = float(run.x[-1])
-    model, data = load(path, run)
+    model, data = prepare_model(model, run)
     linkage = Linkage(model, data, tuple(one.joint for one in run.drives)) if run.drives else None
     inputs = InputsInTime.begin_run(model, run, linkage)
     step, own = float(model.opt.timestep), mujoco.mjtIntegrator(model.opt.integrator)

@@ -3,11 +3,15 @@
 from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from proofmass.base.arrays import Array
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.part import EnginePart
 from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
+
+if TYPE_CHECKING:
+    from mujoco import MjModel
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ class OwnEquations(EnginePart):
 
     def solve_motion(
         self,
-        path: Path,
+        model: "Path | MjModel",
         until: float,
         samples: int,
         seconds: float,
@@ -122,8 +126,8 @@ class OwnEquations(EnginePart):
 
         Parameters
         ----------
-        path : Path
-            The MJCF file.
+        model : Path or MjModel
+            The MJCF file, or a compiled model, which is not changed.
         until, samples : float, int
             Duration of the motion [s], and approximate number of samples.
         seconds : float
