@@ -100,10 +100,19 @@ def check_model_here(source: ModelSource) -> Comparison:
     The comparison has the error of the model's own run; `at` is the time until which the motion is
     known.
     """
-    from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
+    from proofmass.reference.self_consistency import (
+        PROCESSOR_SECONDS,
+        Rung,
+        choose_cheaper,
+        why_failed,
+    )
 
     motion = engine_of(NATIVE_ENGINE).own_equations.solve_motion(
-        source.read().model, OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES, PROCESSOR_SECONDS
+        source.read().model,
+        OWN_MODEL_SECONDS,
+        OWN_MODEL_SAMPLES,
+        PROCESSOR_SECONDS,
+        choose=choose_cheaper,
     )
     own = motion.runs[0]
     found = Comparison(

@@ -16,7 +16,12 @@ from proofmass.base.strict import Kind
 from proofmass.case.case import Case
 from proofmass.reference.case_model import compile_once, compiled_model
 from proofmass.reference.profiles import control_profiles, control_values, drive_profiles
-from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
+from proofmass.reference.self_consistency import (
+    PROCESSOR_SECONDS,
+    Rung,
+    choose_cheaper,
+    why_failed,
+)
 from proofmass.sim.contents import channel_names
 from proofmass.sim.engines import NATIVE_ENGINE, engine_of
 from proofmass.sim.model_files import model_key
@@ -90,7 +95,9 @@ def solve_closely_once(
     equations, times = engine_of(NATIVE_ENGINE).own_equations, np.frombuffer(x)
     drives, loads = pickle.loads(inputs)
     end = float(times[-1])
-    motion = equations.solve_motion(file, end, times.size, PROCESSOR_SECONDS, start, drives, loads)
+    motion = equations.solve_motion(
+        file, end, times.size, PROCESSOR_SECONDS, start, drives, loads, choose_cheaper
+    )
     if motion.runs[0].is_failure:
         raise NotCovered(f"the model itself fails: {why_failed(motion)}")
     rung = Rung(motion)

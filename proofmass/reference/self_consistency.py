@@ -29,7 +29,7 @@ disturbed
 A motion is self-consistent until the last time before which two of the three criteria are met.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from proofmass.base.arrays import Array
 from proofmass.base.wording import format_list, number
-from proofmass.sim.protocol.own_equations import OwnMotion, OwnRun
+from proofmass.sim.protocol.own_equations import OwnMotion, OwnRun, UntriedWay
 
 Bools = NDArray[np.bool_]
 PROCESSOR_SECONDS = 36.0
@@ -73,7 +73,9 @@ no setting reaches the first."""
 class Alternative:
     """Another setting, its error until T [m], and its cost over that of the model's own setting.
 
-    `times` is NaN if the cost of the own setting is not known.
+    The cost is the number of evaluations of the dynamics: the accelerations in a state are found
+    once in a step of Euler, and four times in one of RK4.  It is NaN if the engine does not count
+    them.
     """
 
     name: str
@@ -262,8 +264,7 @@ class Rung:
         """All settings that were tried, the model's own first."""
         own = self.motion.runs[0]
         for run in (*self.motion.runs, *self.motion.others):
-            times = run.cost / own.cost if own.cost else nan
-            yield Alternative(run.name, self.error(run), times)
+            yield Alternative(run.name, self.error(run), run.evaluations / own.evaluations)
 
     def better(self) -> Alternative | None:
         """The cheapest setting with a tenth of the own error, or about half of it, or None.
@@ -274,7 +275,7 @@ class Rung:
         for share in BETTER_SHARES:
             good = [way for way in others if 0 < way.error <= share * own.error]
             if good:
-                return min(good, key=lambda way: (isnan(way.times), way.times))
+                return min(good, key=lambda way: (isnan(way.times), way.times, way.error))
         return None
 
     @property
@@ -351,7 +352,7 @@ class Rung:
         evidence = format_list(self.evidence())
         yield f"{evidence[0].upper()}{evidence[1:]}."
         if error > known and (way := self.better()):
-            cost = "" if isnan(way.times) else f" in {number(way.times, 2)} × the time"
+            cost = "" if isnan(way.times) else f" in {number(way.times, 2)} × the evaluations"
             yield f"{way.name}: {format_length(way.error)}{cost}."
         if self.softness > max(error, known):
             moved = format_length(self.softness)
@@ -390,6 +391,29 @@ class Rung:
                     f"largest {what} are {format_list(number(each, 2) for each in most)} {unit}"
                 )
         return ", ".join(parts)
+
+
+def choose_cheaper(motion: OwnMotion, ways: Sequence[UntriedWay]) -> tuple[OwnRun, ...]:
+    """Solve a motion with other integrators, the cheapest way first, until none can be advised.
+
+    No way is tried that costs as much as a known one with the first of `BETTER_SHARES` of the own
+    error, nor if the own error is not known, nor when the counted time for such ways is over.
+    """
+    rung = Rung(motion)
+    if rung.at_rest or not rung.consistent or rung.error(motion.runs[0]) <= rung.known:
+        return ()
+    goal = BETTER_SHARES[0] * rung.error(motion.runs[0])
+    dearest = min((one.evaluations for one in motion.runs if rung.error(one) <= goal), default=inf)
+    tried, spent = list[OwnRun](), 0.0
+    for way in sorted(ways, key=lambda way: way.evaluations):
+        if way.evaluations >= dearest or spent >= way.seconds:
+            break
+        run = way.solve(way.seconds - spent)
+        tried.append(run)
+        spent += run.work
+        if rung.error(run) <= goal:
+            dearest = way.evaluations
+    return tuple(tried)
 
 
 def format_step(run: OwnRun) -> str:

@@ -14,9 +14,14 @@ import pytest
 
 from proofmass.batch.check import check
 from proofmass.batch.work import check_model_here
-from proofmass.reference.self_consistency import AGREEMENT_SHARE, Rung, why_failed
+from proofmass.reference.self_consistency import (
+    AGREEMENT_SHARE,
+    Rung,
+    choose_cheaper,
+    why_failed,
+)
 from proofmass.sim.model_source import ModelSource
-from proofmass.sim.protocol.own_equations import OwnMotion, OwnRun
+from proofmass.sim.protocol.own_equations import OwnMotion, OwnRun, UntriedWay
 from proofmass.verdict.outcome import Outcome
 
 TIMES = np.linspace(0.0, 1.0, 101)
@@ -29,6 +34,8 @@ def make_run(error, name="Euler, 2 ms", step=2e-3, seconds=1.0, **changed):
     """A run of a body that moves along x at 1 m/s, with an error [m] at each time."""
     points = np.zeros((TIMES.size, 1, 3, 3))
     points[:, 0, :, 0] = (TIMES + error)[:, None]
+    if step:
+        changed = {"evaluations": (4 if name.startswith("RK4") else 1) / step, **changed}
     return OwnRun(name, step, seconds, points, TIMES, 0 * TIMES, 0 * TIMES, **changed)
 
 
@@ -69,9 +76,10 @@ def test_a_motion_that_converges_is_known_to_its_end(order):
     assert rung.error(rung.motion.runs[0]) == pytest.approx(ERROR_RATE, rel=1e-6)
     assert rung.known == pytest.approx(ERROR_RATE / 2 ** (6 * order), rel=1e-5)
     better = rung.better()
-    assert (better.name, better.times) == ("RK4, 2 ms", 3.0)
+    assert (better.name, better.times) == ("RK4, 2 ms", 4.0)
+    assert "RK4, 2 ms: 100 µm in 4 × the evaluations" in rung.words()
     (cheaper,) = [rung.motion.others[0]]
-    coarse = replace(rung.motion, others=(replace(cheaper, seconds=1e3),))
+    coarse = replace(rung.motion, others=(replace(cheaper, evaluations=1e9),))
     assert Rung(coarse).better().name == ("Euler, 0.125 ms" if order == 1 else "Euler, 0.5 ms")
     few = replace(coarse, runs=coarse.runs[:2], compared=1, others=())
     assert Rung(few).better().name == "Euler, 1 ms"
@@ -92,14 +100,62 @@ def test_loops_that_are_open_at_the_start_are_reported():
     assert "open" not in Rung(closed).words()
 
 
-def test_a_coarse_clock_gives_no_ratio_of_times():
-    """Some clocks count in ticks of 16 ms, so that a short motion takes a time of zero."""
+def test_the_cost_of_a_setting_is_no_time():
     own = make_motion()
-    assert " × the time" in Rung(own).words()
-    ticks = tuple(replace(one, seconds=0.0) for one in own.runs)
-    rung = Rung(replace(own, runs=ticks))
+    slow = tuple(replace(one, seconds=1e3 * one.seconds) for one in own.runs)
+    assert Rung(replace(own, runs=slow)).words() == Rung(own).words()
+    uncounted = tuple(replace(one, evaluations=np.nan) for one in own.runs)
+    rung = Rung(replace(own, runs=uncounted))
     assert f"{rung.better().name}: " in rung.words()
-    assert " × the time" not in rung.words()
+    assert "the evaluations" not in rung.words()
+
+
+def untried(name, order, error=ERROR_RATE, seconds=1.0, tried=None):
+    """Ways with an integrator of an order, from the model's own step to 1/64 of it."""
+    stages = 4 if name == "RK4" else 1
+
+    def way(step):
+        def solve(limit):
+            if tried is not None:
+                tried.append((name, 1e3 * step, limit))
+            off = error * TIMES * (step / 2e-3) ** order
+            return make_run(off, f"{name}, {1e3 * step:g} ms", step, work=0.3)
+
+        return UntriedWay(stages / step, solve, seconds)
+
+    return [way(step) for step in STEPS]
+
+
+def test_the_cheapest_way_in_evaluations_is_found_without_trying_dearer_ones():
+    # the model's own RK4 is of first order, as contacts leave it: half the step for half the error
+    tried = list[tuple[str, float, float]]()
+    own = make_motion(others=())
+    runs = tuple(replace(one, evaluations=4 / one.step) for one in own.runs)
+    contacts = replace(own, runs=runs)
+    assert Rung(contacts).better().times == 16
+    ways = untried("Euler", 1.0, seconds=1e3, tried=tried)
+    found = replace(contacts, others=choose_cheaper(contacts, ways))
+    better = Rung(found).better()
+    assert (better.name, better.times) == ("Euler, 0.125 ms", 4.0)
+    # 1, 2, 4, .. evaluations in the time of an own step with 4; none after the one that is enough
+    assert [step for _, step, _ in tried] == [2.0, 1.0, 0.5, 0.25, 0.125]
+
+
+def test_without_contacts_rk4_is_advised_since_its_order_pays():
+    own, tried = make_motion(others=()), list[tuple[str, float, float]]()
+    ways = [*untried("RK4", 4.0, 1e-4, 1e3, tried), *untried("implicitfast", 1.0, tried=tried)]
+    better = Rung(replace(own, others=choose_cheaper(own, ways))).better()
+    assert (better.name, better.times) == ("RK4, 2 ms", 4.0)
+    assert [name for name, *_ in tried] == ["implicitfast"] * 2 + ["RK4"]
+
+
+def test_ways_are_tried_in_the_time_that_there_is_and_only_if_an_error_is_known():
+    own, tried = make_motion(others=()), list[tuple[str, float, float]]()
+    ways = untried("Euler", 1.0, seconds=0.5, tried=tried)
+    assert len(choose_cheaper(own, ways)) == 2  # each counts 0.3 s
+    assert [limit for *_, limit in tried] == [0.5, pytest.approx(0.2)]
+    assert choose_cheaper(replace(own, runs=own.runs[-1:] * 7), ways) == ()
+    assert choose_cheaper(make_motion(dof=0), ways) == ()
 
 
 def test_a_chaotic_motion_is_known_until_disturbance_and_steps_diverge():
@@ -275,7 +331,7 @@ def test_a_falling_ball_is_self_consistent_with_the_error_of_euler(tmp_path):
     assert result.exit_code == 0
     assert found.at == pytest.approx(1.0, abs=0.01)
     assert found.error_max == pytest.approx(9.81 * found.at * 4e-3 / 2, rel=1e-6)
-    ((way, error),) = re.findall(r"\. (\w+, \S+ ms): (\S+) nm in ", found.message)
+    ((way, error),) = re.findall(r"\. (\w+, \S+ ms): (\S+) nm in 4 × the ev", found.message)
     assert way == "RK4, 4 ms"
     assert 0.0 < float(error) < 1e-3  # 250 steps, each rounds a height of 10 m by 2e-15 m
 
@@ -338,7 +394,7 @@ def test_the_solution_that_others_are_compared_with_is_not_recommended():
     own = make_motion(order=2.0)
     rung = Rung(replace(own, close=apart, rough=apart, others=(), runs=own.runs[-4:], compared=3))
     assert rung.best is rung.fine
-    slow = replace(rung.fine, seconds=1e-3)  # the cheapest by far
+    slow = replace(rung.fine, evaluations=1e-3)  # the cheapest by far
     runs = (*rung.motion.runs[:-1], slow)
     assert Rung(replace(rung.motion, runs=runs)).better().name != slow.name
 
@@ -466,7 +522,7 @@ def test_the_check_of_a_model_has_the_cost_and_the_violation_of_its_own_run(monk
     first = cut_run(replace(own.runs[0], gap=2e-3 * TIMES), 51)
     late = replace(first, stopped="its wall time was over", late=True)
     motion = replace(own, runs=(late, *own.runs[1:]))
-    engine = SimpleNamespace(own_equations=SimpleNamespace(solve_motion=lambda *_: motion))
+    engine = SimpleNamespace(own_equations=SimpleNamespace(solve_motion=lambda *_, **__: motion))
     monkeypatch.setattr(sys.modules[check_model_here.__module__], "engine_of", lambda _: engine)
     (tmp_path / "arm.xml").write_text("<mujoco/>")
     found = check_model_here(ModelSource(tmp_path / "arm.xml"))

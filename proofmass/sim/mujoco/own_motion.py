@@ -8,8 +8,9 @@ model.  They are solved
 * by DOP853, which integrates the accelerations of ``mj_forward`` and chooses its steps by an error
   tolerance, with two tolerances;
 * once more with a start pose that differs by 1e-9 of the model's size;
-* with other settings that a user might try: RK4, and contacts and loops with time constants that
-  are four times as short.
+* with other settings that a user might try: Euler, implicitfast and RK4 with the model's step and
+  finer ones, of which the caller chooses, and contacts and loops with time constants that are four
+  times as short.
 
 Joints may be driven.  As in a run (`proofmass.sim.mujoco.dynamics`) they have flywheels, which are
 part of the equations: 1e9 times the load inertia of the drive in the start pose, so that the motion
@@ -23,6 +24,7 @@ step.
 import copy
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +55,14 @@ from proofmass.sim.mujoco.settings import mjcf_text
 from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import NotSolved
-from proofmass.sim.protocol.own_equations import OwnEquations, OwnMotion, OwnRun
+from proofmass.sim.protocol.own_equations import (
+    ChooseWays,
+    OwnEquations,
+    OwnMotion,
+    OwnRun,
+    UntriedWay,
+    choose_none,
+)
 from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 from proofmass.sim.start import start_state
 
@@ -75,6 +84,12 @@ NARROW_TOLERANCE, WIDE_TOLERANCE = 1e-9, 1e-6
 """Narrow and wide error tolerance of DOP853, relative and in SI units."""
 POSE_DISTURBANCE = 1e-9
 """Change of the start pose, as a share of the model's size and in rad."""
+TRIED_INTEGRATORS = (
+    mujoco.mjtIntegrator.mjINT_EULER,
+    mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    mujoco.mjtIntegrator.mjINT_RK4,
+)
+"""Integrators that are tried beside the model's own."""
 STIFFENING_FACTOR = 4.0
 """Divisor of the time constants of contacts, loops and limits."""
 MAX_BODIES_OF_THREE_POINTS = 60
@@ -155,7 +170,12 @@ class MotionRecord:
         self.gap.append(float(np.abs(loops).max(initial=0.0)))
 
     def run(
-        self, name: str, step: float, budget: Budget, stopped: Exception | None = None
+        self,
+        name: str,
+        step: float,
+        budget: Budget,
+        stopped: Exception | None = None,
+        evaluations: float = nan,
     ) -> OwnRun:
         """The record as an `OwnRun`; `stopped` is the exception that ended it early."""
         return OwnRun(
@@ -169,6 +189,7 @@ class MotionRecord:
             str(stopped or ""),
             isinstance(stopped, OutOfTime),
             budget.work,
+            evaluations,
         )
 
 
@@ -256,12 +277,13 @@ class MujocoOwnEquations(OwnEquations):
         start: str = "start",
         drives: tuple[Drive, ...] = (),
         loads: tuple[ChangingLoad, ...] = (),
+        choose: ChooseWays = choose_none,
     ) -> OwnMotion:
         """See `OwnEquations.solve_motion`; `proofmass.sim.mujoco.work` counts the time."""
         run = Run("passive", np.array([0.0, until]), (), drives, start, loads=loads)
         with translate_fatal_errors(), collected_warnings() as warned:
             compiled = compile_model(model) if isinstance(model, Path) else copy.copy(model)
-            found = solve_in_several_ways(compiled, run, samples, seconds)
+            found = solve_in_several_ways(compiled, run, samples, seconds, choose)
         return replace(found, notes=warning_notes(compiled, warned) if warned else ())
 
     def solve_closely(self, path: Path, run: Run) -> Curves:
@@ -283,11 +305,16 @@ class MujocoOwnEquations(OwnEquations):
 
 
 def solve_in_several_ways(
-    model: mujoco.MjModel, run: Run, samples: int, seconds: float
+    model: mujoco.MjModel,
+    run: Run,
+    samples: int,
+    seconds: float,
+    choose: ChooseWays = choose_none,
 ) -> OwnMotion:
     """Solve a passive run with finer and finer steps, without steps, and with changes.
 
-    The samples are whole steps apart.  The model is prepared in place.
+    The samples are whole steps apart.  The model is prepared in place.  `choose` chooses and solves
+    ways with other integrators.
     """
     until = float(run.x[-1])
     model, data = prepare_model(model, run)
@@ -334,14 +361,10 @@ def solve_in_several_ways(
     k = max((k for k, one in enumerate(runs) if one.work < limit["disturbed"]), default=0)
     parts = 2 ** (begin + k)
     other = stepped("disturbed", parts, limit["disturbed"], n, POSE_DISTURBANCE)
-    ways = list[OwnRun]()
-    if own != (rk4 := mujoco.mjtIntegrator.mjINT_RK4):
-        name = format_integrator(rk4, step / 2**begin)
-        ways.append(stepped(name, 2**begin, limit["others"], n, integrator=rk4))
     stiffer = None
     if runs[k].depth.any() or model.neq or model.jnt_limited.any():
         stiffer = stepped("stiffer", parts, limit["others"], n, stiffer=STIFFENING_FACTOR)
-    return OwnMotion(
+    motion = OwnMotion(
         times,
         float(model.stat.extent),
         tuple(runs),
@@ -349,11 +372,29 @@ def solve_in_several_ways(
         rough,
         k,
         other,
-        tuple(ways),
+        (),
         stiffer,
         int(model.nv),
         failed=as_given if begin else None,
     )
+
+    def way(integrator: mujoco.mjtIntegrator, finer: int) -> UntriedWay:
+        parts = 2 ** (begin + finer)
+        changed = copy_with_changes(model, step / parts, integrator)
+
+        def solve(seconds: float) -> OwnRun:
+            name = format_integrator(integrator, step / parts)
+            return stepped(name, parts, seconds, n, integrator=integrator)
+
+        return UntriedWay(StepWork(changed).evaluations * parts / step, solve, limit["others"])
+
+    untried = [
+        way(integrator, finer)
+        for finer in range(MAX_HALVINGS + 1)
+        for integrator in TRIED_INTEGRATORS
+        if integrator != own
+    ]
+    return replace(motion, others=choose(motion, untried))
 
 
 def affordable_halvings(own: OwnRun, limit: float) -> tuple[int, int]:
@@ -476,7 +517,7 @@ def solve_by_steps(
                 record.sample(model, data)
         except (OutOfTime, FloatingPointError) as error:
             stopped = error
-    return record.run(name, step, budget, stopped)
+    return record.run(name, step, budget, stopped, work.evaluations / step)
 
 
 def solve_without_steps(

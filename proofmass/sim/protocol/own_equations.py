@@ -1,7 +1,8 @@
 """The motion of a model by itself, which an engine solves in several ways."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import isnan, nan
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,9 @@ class OwnRun:
     work : float
         Processor time that the run's steps and evaluations count, the same on every machine [s];
         NaN if the engine does not count it.
+    evaluations : float
+        Evaluations of the dynamics in a second of the motion, as `UntriedWay` counts them [1/s];
+        NaN if the engine does not count them.
     """
 
     name: str
@@ -48,16 +52,31 @@ class OwnRun:
     stopped: str = ""
     late: bool = False
     work: float = nan
+    evaluations: float = nan
 
     @property
     def is_failure(self) -> bool:
         """Whether it ended early, and not since its processor time was over."""
         return bool(self.stopped) and not (self.late and len(self.points) > 1)
 
-    @property
-    def cost(self) -> float:
-        """The counted processor time, or the measured one if none is counted [s]."""
-        return self.seconds if isnan(self.work) else self.work
+
+@dataclass(frozen=True)
+class UntriedWay:
+    """A setting with which a motion may be solved.
+
+    Attributes
+    ----------
+    evaluations : float
+        Evaluations of the dynamics in a second of the motion [1/s]: one a step, four in RK4.
+    solve : callable
+        Solves the motion; its argument is the largest counted processor time [s].
+    seconds : float
+        Counted processor time that all such ways together may take [s].
+    """
+
+    evaluations: float
+    solve: Callable[[float], OwnRun]
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -81,7 +100,7 @@ class OwnMotion:
     disturbed : OwnRun
         Run with a start pose that differs by `disturbance`.
     others : tuple of OwnRun
-        Runs with other settings and the model's own step.
+        Runs with other settings, and with the model's own step or finer ones.
     stiffer : OwnRun or None
         Run with stiffer contacts, loops and limits; None if there are none.
     dof : int
@@ -109,6 +128,15 @@ class OwnMotion:
     failed: OwnRun | None = None
 
 
+ChooseWays = Callable[[OwnMotion, Sequence[UntriedWay]], tuple[OwnRun, ...]]
+"""Solves some of the ways that are not tried yet, of a motion that is known from others."""
+
+
+def choose_none(motion: OwnMotion, ways: Sequence[UntriedWay]) -> tuple[OwnRun, ...]:
+    """No other ways."""
+    return ()
+
+
 class OwnEquations(EnginePart):
     """Solutions of a model's own motion, by an engine whose equations are those of the MJCF."""
 
@@ -121,6 +149,7 @@ class OwnEquations(EnginePart):
         start: str = "start",
         drives: tuple[Drive, ...] = (),
         loads: tuple[ChangingLoad, ...] = (),
+        choose: ChooseWays = choose_none,
     ) -> OwnMotion:
         """Solve the motion of a model by itself in several ways.
 
@@ -137,6 +166,8 @@ class OwnEquations(EnginePart):
             name.
         drives, loads : tuple of Drive, tuple of ChangingLoad
             Prescribed motions and controls, if any.
+        choose : callable
+            Chooses and solves the ways with other integrators, `OwnMotion.others`.
 
         Raises
         ------

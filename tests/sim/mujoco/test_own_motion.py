@@ -37,7 +37,33 @@ MODEL_WITH_ALL_JOINTS = """<mujoco><worldbody>
 def solved_motion(tmp_path, text, **asked):
     file = tmp_path / "model.xml"
     file.write_text(text)
-    return EQUATIONS.solve_motion(file, **{"until": 1.0, "samples": 51, "seconds": 30.0, **asked})
+    given = {"until": 1.0, "samples": 51, "seconds": 30.0, "choose": choose_rk4}
+    return EQUATIONS.solve_motion(file, **{**given, **asked})
+
+
+def choose_rk4(motion, ways):
+    """RK4 with the model's own step."""
+    solved = (way.solve(way.seconds) for way in ways if way.evaluations == 4 / motion.runs[0].step)
+    return tuple(one for one in solved if one.name.startswith("RK4"))
+
+
+def test_ways_cost_what_their_steps_evaluate(tmp_path):
+    """One evaluation of the dynamics a step, four in RK4, and more in implicit."""
+    costs = dict[str, float]()
+
+    def solve_own_steps(motion, ways):
+        coarse = [way for way in ways if way.evaluations <= 4 / motion.runs[0].step]
+        found = [(way.solve(1.0), way.evaluations) for way in coarse]
+        costs.update({run.name: cost * 0.01 for run, cost in found})
+        assert all(run.evaluations == cost for run, cost in found)
+        return ()
+
+    motion = solved_motion(tmp_path, PENDULUM, choose=solve_own_steps)
+    steps = {"implicitfast, 10 ms": 1, "implicitfast, 5 ms": 2, "implicitfast, 2.5 ms": 4}
+    assert costs == pytest.approx({**steps, "RK4, 10 ms": 4})
+    assert [run.evaluations for run in motion.runs[:3]] == pytest.approx([100, 200, 400])
+    implicit = PENDULUM.replace("<option", '<option integrator="implicit"')
+    assert 100 < solved_motion(tmp_path, implicit).runs[0].evaluations < 200
 
 
 def test_rates_of_coordinates_equal_those_of_the_engine():
@@ -137,7 +163,9 @@ def test_a_short_computing_time_ends_runs_without_dropping_any(tmp_path, monkeyp
         own_motion,
         "StepWork",
         lambda model: SimpleNamespace(
-            step=lambda _: 1e-3 * round(0.01 / model.opt.timestep), evaluation=lambda _: 1e-3
+            step=lambda _: 1e-3 * round(0.01 / model.opt.timestep),
+            evaluation=lambda _: 1e-3,
+            evaluations=1,
         ),
     )
     motion = solved_motion(tmp_path, PENDULUM, seconds=1.0)
