@@ -7,6 +7,7 @@ import pytest
 
 from proofmass.batch.check import check
 from proofmass.batch.work import check_model_here
+from proofmass.sim.model_source import ModelSource
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.protocol.failures import BadModel
@@ -81,7 +82,7 @@ def test_a_model_without_a_sidecar_is_self_consistent(name, tmp_path, monkeypatc
     """
     monkeypatch.setattr(own_motion, "MAX_HALVINGS", own_motion.MIN_HALVINGS)
     monkeypatch.setattr(sys.modules[check_model_here.__module__], "OWN_MODEL_SECONDS", 0.3)
-    found = check_model_here(write_model(tmp_path, *MODELS[name]))
+    found = check_model_here(ModelSource(write_model(tmp_path, *MODELS[name])))
     assert found.outcome == ("nothing moved" if name == "no joints" else "self-consistent")
     assert found.steps == 150  # of 2 ms
 
