@@ -7,15 +7,13 @@ equalities of the mechanism stay closed:
                                                   w: rates into the stops, e: restitutions
 
 A joint whose bounces have died out rests on its stop: the stop is an equality as long as it pushes,
-and the joint leaves it when the force has fallen to zero.  To find the stops on which joints rest
-at first, the stop that pulls most is left out, again and again until no stop pulls.  Between the
-events the motion is smooth; the times of the events are roots of the distances to the stops, or of
-the forces of the stops, along the motion.
+and the joint leaves it when the force has fallen to zero (`proofmass.analytic.joints_at_rest`).
+Between the events the motion is smooth (`proofmass.analytic.motion_events`); the times of impacts
+are roots of the distances to the stops along the motion.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Protocol
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,10 +35,6 @@ PROBE_SHARES = (0.25, 0.5, 0.75, 1.0)
 """Shares of a step at which the distances to stops are evaluated."""
 DEPARTURE_SHARES = np.geomspace(1e-9, 0.5, 30)
 """Shares of a step at which a joint that starts at a stop is tested for having left it."""
-MAX_EVENTS = 2000
-"""Largest number of events in a motion."""
-MAX_LISTED_TIMES = 4
-"""Largest number of times of impacts that are listed for a joint."""
 
 
 @dataclass(frozen=True)
@@ -93,14 +87,6 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Event:
-    """A time [s] at which stops are hit, or at which the stop `left` is left."""
-
-    time: float
-    left: Stop | None = None
-
-
-@dataclass(frozen=True)
 class Balance:
     """Constraints of a mechanism in a state, without its stops, and the force they must exert.
 
@@ -118,66 +104,6 @@ class Balance:
     rows: Array
     mass: Array
     needed: Array
-
-
-class SystemWithStops(Protocol):
-    """A moving mechanism with stops."""
-
-    @property
-    def stops(self) -> Sequence[Stop]:
-        """All stops."""
-
-    def steps(
-        self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float
-    ) -> Iterator[Step]:
-        """Iterate over the motion from a state on, with joints resting on the stops `held`."""
-
-    def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
-        """Add the accelerations to a pose and its rates."""
-
-    def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
-        """Constraints of the mechanism in a state at a time, and the force they must exert."""
-
-
-@dataclass
-class MotionWithStops:
-    """States of a motion at samples, and the events at stops.
-
-    Attributes
-    ----------
-    states : list of (pose, rates, accelerations)
-    forces : list of ndarray (rates,)
-        Forces of the stops on the joints, at the samples [N m or N].
-    impacts, releases : list of (float, str)
-        Times [s] and names of joints.
-    rested : set of str
-        Joints that rested on a stop for a while.
-    """
-
-    states: list[State] = field(default_factory=list)
-    forces: list[Array] = field(default_factory=list)
-    impacts: list[tuple[float, str]] = field(default_factory=list)
-    releases: list[tuple[float, str]] = field(default_factory=list)
-    rested: set[str] = field(default_factory=set)
-
-    def arrays(self) -> State:
-        """Poses, rates and accelerations of all samples (n, poses), (n, rates), (n, rates)."""
-        q, v, a = (np.array(part) for part in zip(*self.states, strict=True))
-        return q, v, a
-
-    def events(self) -> str:
-        """Describe the events at stops in words; empty if there were none."""
-        joints = dict.fromkeys(joint for _, joint in self.impacts)
-        texts = [
-            f"{joint} hits a stop at t = "
-            f"{', '.join(f'{t:.6g}' for t in times[:MAX_LISTED_TIMES])}"
-            f"{', ..' if len(times) > MAX_LISTED_TIMES else ''} s ({len(times)} in all)"
-            for joint in joints
-            for times in ([t for t, one in self.impacts if one == joint],)
-        ]
-        texts += [f"{joint} rests on a stop" for joint in sorted(self.rested)]
-        texts += [f"{joint} leaves its stop at t = {t:.6g} s" for t, joint in self.releases]
-        return "; ".join(texts)
 
 
 def refuse_limit(name: str, limits: tuple[float, float], values: Array) -> None:
@@ -220,129 +146,9 @@ def stops_of_joint(joint: JointData, size: float) -> Iterator[Stop]:
         yield replace(stop, restitution=restitution(ratio))
 
 
-def integrate_with_stops(
-    system: SystemWithStops, times: Array, q: Array, v: Array
-) -> MotionWithStops:
-    """Integrate the motion from a closed pose with its rates, at rising times.
-
-    Parameters
-    ----------
-    system : SystemWithStops
-    times : ndarray (n,)
-        Times of the samples, rising [s].
-    q, v : ndarray (poses,), (rates,)
-        Pose and rates at the first time [SI].
-
-    Raises
-    ------
-    NotCovered
-        The start is beyond a stop, or stops are hit too often.
-    """
-    found, end = MotionWithStops(), float(times[-1])
-    fastest: dict[Stop, float] = {}
-    t, held = float(times[0]), tuple[Stop, ...]()
-    event: Event | None = None
-    for stop in system.stops:
-        if stop.gap(q) < -AT_STOP_DISTANCE:
-            raise NotCovered(
-                f"joint {stop.joint!r} starts at {q[stop.pose]:.6g}, beyond the end of its range, "
-                f"{stop.value:.6g}"
-            )
-    for _ in range(MAX_EVENTS):
-        held, v = resolve_event(system, found, fastest, held, event, t, q, v)
-        if len(found.states) < times.size and times[len(found.states)] <= t:
-            record_states(system, found, held, [t], [system.state(held, t, q, v)])
-        event = None
-        for step in system.steps(held, t, q, v, end):
-            event = find_first_event(system, held, step)
-            left = times[len(found.states) :]
-            inside = left[left <= step.end] if event is None else left[left < event.time]
-            record_states(system, found, held, inside.tolist(), list(map(step.at, inside.tolist())))
-            if event is not None:
-                break
-        if event is None:
-            return found
-        q, v, _ = step.at(step.start)
-        # integrated up to the event anew: dense output is less accurate than a step's end
-        for part in system.steps(held, step.start, q, v, event.time):
-            q, v, _ = part.at(part.end)
-        t = event.time
-    raise NotCovered(f"stops are hit or left {MAX_EVENTS} times until t = {t:.6g} s")
-
-
-def record_states(
-    system: SystemWithStops,
-    found: MotionWithStops,
-    held: tuple[Stop, ...],
-    times: Sequence[float],
-    states: Sequence[State],
-) -> None:
-    """Record states at times, and the forces of the stops there."""
-    found.states += states
-    for t, (q, v, a) in zip(times, states, strict=True):
-        joint_forces = np.zeros_like(v)
-        if held:
-            forces = stop_forces(system, held, t, (q, v, a))
-            for stop, force in zip(held, forces, strict=True):
-                joint_forces[stop.rate] -= stop.side * force
-        found.forces.append(joint_forces)
-
-
-def stop_forces(system: SystemWithStops, held: tuple[Stop, ...], t: float, state: State) -> Array:
-    """Find the forces of stops into the ranges of their joints [N m or N]; negative: it pulls."""
-    balance = system.balance(t, *state)
-    rows = np.vstack([balance.rows, unit_rows(held, balance.needed.size)])
-    solved = np.linalg.lstsq(rows.T, balance.needed, rcond=1e-12)[0]
-    sides = np.array([stop.side for stop in held])
-    return np.asarray(-sides * solved[len(rows) - len(held) :])
-
-
 def unit_rows(stops: Sequence[Stop], rates: int) -> Array:
     """Jacobian of the values of the joints at some stops by the rates (stops, rates)."""
     return np.eye(rates)[[stop.rate for stop in stops]].reshape(-1, rates)
-
-
-def resolve_event(
-    system: SystemWithStops,
-    found: MotionWithStops,
-    fastest: dict[Stop, float],
-    held: tuple[Stop, ...],
-    event: Event | None,
-    t: float,
-    q: Array,
-    v: Array,
-) -> tuple[tuple[Stop, ...], Array]:
-    """Find the stops on which joints rest from a state on, and the rates after impacts there."""
-    left = event.left if event else None
-    near = [stop for stop in system.stops if stop.gap(q) <= AT_STOP_DISTANCE and stop is not left]
-    if left:
-        found.releases.append((t, left.joint))
-    held = tuple(stop for stop in held if stop is not left)
-    hit = [
-        s for s in near if s not in held and s.gap_rate(v) < -ZERO_RATE_SHARE * fastest.get(s, 1.0)
-    ]
-    if hit:
-        rebound_rates = [-stop.restitution * v[stop.rate] for stop in hit]
-        # a rate counts as zero relative to the fastest impact, as bounces become ever lower
-        for stop in hit:
-            fastest[stop] = max(fastest.get(stop, 0.0), -stop.gap_rate(v))
-            found.impacts.append((t, stop.joint))
-        while True:
-            after, remaining = apply_impacts(system, t, q, v, held, hit, rebound_rates)
-            too_low = find_flat_rebounds(hit, system.state(remaining, t, q, after), rebound_rates)
-            if not too_low:
-                break
-            rebound_rates = [0.0 if k in too_low else rate for k, rate in enumerate(rebound_rates)]
-        v, held = after, remaining
-    resting = [s for s in near if abs(s.gap_rate(v)) <= ZERO_RATE_SHARE * fastest.get(s, 1.0)]
-    # a stop cannot pull: the one that pulls most is left, which changes the forces of the others
-    while resting:
-        force = stop_forces(system, tuple(resting), t, system.state(tuple(resting), t, q, v))
-        if force.min() >= 0.0:
-            break
-        resting.pop(int(np.argmin(force)))
-    found.rested |= {stop.joint for stop in resting}
-    return tuple(resting), v
 
 
 def find_flat_rebounds(
@@ -357,9 +163,7 @@ def find_flat_rebounds(
 
 
 def apply_impacts(
-    system: SystemWithStops,
-    t: float,
-    q: Array,
+    balance: Balance,
     v: Array,
     held: tuple[Stop, ...],
     hit: Sequence[Stop],
@@ -369,7 +173,6 @@ def apply_impacts(
 
     `rebound_rates` has the rates of the joints that hit the stops `hit`, after the impact.
     """
-    balance = system.balance(t, q, v, np.zeros_like(v))
     others, mass = balance.rows, balance.mass
     largest = np.abs(
         mass
@@ -387,17 +190,6 @@ def apply_impacts(
         if not stop_impulses or min(stop_impulses) >= 0.0:
             return np.asarray(solved[: v.size]), held
         held = tuple(s for k, s in enumerate(held) if k != int(np.argmin(stop_impulses)))
-
-
-def find_first_event(system: SystemWithStops, held: tuple[Stop, ...], step: Step) -> Event | None:
-    """Find the first event of a step: a stop is hit, or the force of a stop falls to zero."""
-    if not system.stops:
-        return None
-    free = [stop for stop in system.stops if stop not in held]
-    found = [Event(time) for time in impact_times(free, step)]
-    if held and (release := find_release(system, held, step)):
-        found.append(release)
-    return min(found, key=lambda one: one.time, default=None)
 
 
 def impact_times(stops: Sequence[Stop], step: Step) -> Iterator[float]:
@@ -439,18 +231,3 @@ def find_impact_time(stop: Stop, step: Step, start_gap: float, beyond: float) ->
     if (clear := next(clear_times, None)) is None:
         return step.start
     return float(brentq(lambda s: stop.gap(step.at(s)[0]), clear, beyond, xtol=1e-15))
-
-
-def find_release(system: SystemWithStops, held: tuple[Stop, ...], step: Step) -> Event | None:
-    """Find the first time at which the force of a stop that is rested on falls to zero."""
-    from scipy.optimize import brentq  # slow to load
-
-    def push(k: int) -> Callable[[float], float]:
-        return lambda time: float(stop_forces(system, held, time, step.at(time))[k])
-
-    found = []
-    begin, end = (stop_forces(system, held, t, step.at(t)) for t in (step.start, step.end))
-    for k in np.flatnonzero(end < 0.0).tolist():
-        root = brentq(push(k), step.start, step.end, xtol=1e-15) if begin[k] > 0 else step.start
-        found.append(Event(float(root), held[k]))
-    return min(found, key=lambda one: one.time, default=None)

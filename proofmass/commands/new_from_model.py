@@ -26,7 +26,7 @@ from mujoco import MjModel
 
 from proofmass.analytic import spatial
 from proofmass.analytic.numerics import TURN
-from proofmass.analytic.planar import Branch, Mechanism, read, refuse_friction, solve
+from proofmass.analytic.planar import Branch, Mechanism, read, solve
 from proofmass.analytic.planar.kinematics import count_dof, nearest_pose
 from proofmass.analytic.planar.mechanism import (
     PlanarJoint,
@@ -234,7 +234,6 @@ def inspect_model(path: Path) -> ModelSummary:
     try:
         if is_free:
             refuse_contacts(plane.data)
-            refuse_friction(mechanism)
             refuse(plane.data, SUPPORT, RunKind.FREE_MOTION)
     except ValueError as error:
         return inspect_in_space(path, model, start, dof, str(error))

@@ -26,6 +26,7 @@ from proofmass.analytic.controls import (
 )
 from proofmass.analytic.equilibrium import ActiveStops, EquilibriumSolver
 from proofmass.analytic.mjcf import ActuatorData, ModelData, SensorData, SensorKind, TendonWay
+from proofmass.analytic.motion_events import MotionWithEvents
 from proofmass.analytic.numerics import (
     CannotAssemble,
     CannotMove,
@@ -68,7 +69,7 @@ from proofmass.analytic.planar.mechanism import (
 )
 from proofmass.analytic.planar.support import SUPPORT
 from proofmass.analytic.protocol import Ask, InputMotion, Reference
-from proofmass.analytic.stops import MotionWithStops, Stop, make_stops, refuse_limit
+from proofmass.analytic.stops import Stop, make_stops, refuse_limit
 from proofmass.analytic.support import refuse, refuse_contacts, run_kind
 from proofmass.base.arrays import Array, Complex, Index
 from proofmass.base.read_once import read_once
@@ -141,7 +142,8 @@ def solve(
     the loop equations' multipliers (`proofmass.analytic.planar.forces`): those of the mechanism at
     rest, or with `inertia` those of the motion.  Dry friction acts against the motion of a joint;
     while a joint is at rest, it keeps its last sense.  Without driven joints the motion is free and
-    `value` is time (`proofmass.analytic.planar.dynamics`).  Degrees of freedom that the drives do
+    `value` is time (`proofmass.analytic.planar.dynamics`); joints with dry friction stick and slip
+    (`proofmass.analytic.motion_events`).  Degrees of freedom that the drives do
     not determine move freely from the start pose if the drives move in time.  Otherwise springs,
     weights and loads bring them to rest, in the stable equilibrium that the mechanism reaches from
     the start pose (`proofmass.analytic.equilibrium`).
@@ -221,7 +223,8 @@ def solve(
         raise ValueError(
             f"value must have shape (n,) or (drives, n) with {len(joints)} drive(s), got {shape}"
         )
-    own, stop_forces = dict[str, Array](), np.zeros(1)
+    own, event_forces = dict[str, Array](), np.zeros(1)
+    rubbing = mechanism.frictions
     has_dof = not joints or has_free_dof(mechanism, joints)
     is_free = has_dof and (not joints or in_time is not None)
     if has_dof:  # where the drives determine all poses, contacts change none of them
@@ -231,7 +234,7 @@ def solve(
         if inertia:
             raise NotCovered("a path of equilibria has no inertia: leave out inertia of the sweep")
         values = np.atleast_2d(np.asarray(value, float))
-        q, v, stop_forces, d = _find_equilibria(
+        q, v, event_forces, d = _find_equilibria(
             mechanism,
             joints,
             values.T,
@@ -250,15 +253,17 @@ def solve(
         own["condition"] = condition_numbers(mechanism, q, d)
         refuse_limits(mechanism, q)
     else:
-        refuse_friction(mechanism)
         d = Drives.of(mechanism, joints)
         profiles = ControlsInTime.of(data, mechanism.ctrl, control_profiles)
         free_states = _find_motion(plane, mechanism, joints, value, in_time, profiles)
         q, v, a = free_states.arrays()
-        stop_forces = np.array(free_states.forces)
+        event_forces = np.array(free_states.forces)
+        # of joints that drives move; the friction of the others is among the forces of events
+        on_drives = [*d.driven.tolist(), *free_states.prescribed]
+        rubbing = np.where(np.isin(np.arange(rubbing.size), on_drives), rubbing, 0.0)
     found = own | quantities(plane, mechanism, move_bodies(mechanism, q, v, a), (q, v, a))
     fastest = float(np.abs(v[:, d.driven]).max(initial=0.0))
-    friction = mechanism.frictions * motion_senses(v.T, fastest).T
+    friction = rubbing * motion_senses(v.T, fastest).T
     if not is_free and not inertia:  # the sensors of rates have been read; forces are those at rest
         v = a = np.zeros_like(q)
     if control_profiles and controls is None:
@@ -271,17 +276,10 @@ def solve(
         move_bodies(mechanism, q, v, a),
         (q, v, a),
         d,
-        friction - stop_forces,
+        friction - event_forces,
         ctrl,
     )
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
-
-
-def refuse_friction(m: Mechanism) -> None:
-    """Raise NotCovered if a joint has dry friction, which a free motion does not cover."""
-    if m.frictions.any():
-        name = m.joints[int(np.argmax(m.frictions > 0))].name
-        raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
 
 
 def refuse_limits(m: Mechanism, q: Array) -> None:
@@ -312,7 +310,7 @@ def properties(
     control_profiles: Mapping[str, MotionProfile] | None = None,
     **_: float,
 ) -> dict[str, str]:
-    """Describe the events at the stops of a mechanism that moves freely, for a report.
+    """Describe the events at stops and of friction of a mechanism that moves freely, for a report.
 
     `motion` has the times of the run [s].
     """
@@ -320,8 +318,9 @@ def properties(
         return {}
     mechanism, plane = _read_cached(model, start)
     profiles = ControlsInTime.of(plane.data, mechanism.ctrl, control_profiles)
-    events = _find_motion(plane, mechanism, (), motion, None, profiles).events()
-    return {"stops": events} if events else {}
+    followed = _find_motion(plane, mechanism, (), motion, None, profiles)
+    found = {"stops": followed.events(), "friction": followed.friction_events()}
+    return {name: events for name, events in found.items() if events}
 
 
 @lru_cache(maxsize=32)
@@ -418,7 +417,7 @@ def _find_motion(
     value: ArrayLike,
     in_time: tuple[Array, Sequence[MotionProfile]] | None,
     controls: ControlsInTime | None = None,
-) -> MotionWithStops:
+) -> MotionWithEvents:
     """Integrate a motion with degrees of freedom that no drive determines, between stops."""
     stops = tuple(plane.stops(mechanism, joints))
     times = np.atleast_1d(np.asarray(value, float))
@@ -434,7 +433,7 @@ def _find_motion(
 @lru_cache(maxsize=32)
 def _integrate_free(
     mechanism: Mechanism, times: tuple[float, ...], stops: tuple[Stop, ...]
-) -> MotionWithStops:
+) -> MotionWithEvents:
     """A free motion; cached, since every solver of a case is compared with it."""
     return free_motion(mechanism, np.array(times), stops=stops)
 
@@ -446,7 +445,7 @@ def _integrate_in_time(
     profiles: Sequence[MotionProfile],
     stops: tuple[Stop, ...],
     controls: ControlsInTime | None,
-) -> MotionWithStops:
+) -> MotionWithEvents:
     """A motion under motion profiles; cached where possible, since all solvers use it."""
     try:
         pickled = pickle.dumps((times, profiles, controls))
@@ -458,7 +457,7 @@ def _integrate_in_time(
 @lru_cache(maxsize=8)
 def _integrate_in_time_cached(
     mechanism: Mechanism, joints: tuple[str, ...], packed: bytes, stops: tuple[Stop, ...]
-) -> MotionWithStops:
+) -> MotionWithEvents:
     """`_integrate_in_time` for pickled times, profiles and controls, cached by these bytes."""
     times, profiles, controls = pickle.loads(packed)
     return _integrate(mechanism, joints, times, profiles, stops, controls)
@@ -471,7 +470,7 @@ def _integrate(
     profiles: Sequence[MotionProfile],
     stops: tuple[Stop, ...],
     controls: ControlsInTime | None,
-) -> MotionWithStops:
+) -> MotionWithEvents:
     driven = Drives.of(mechanism, joints).driven
     drives = Prescribed.of(driven, driven, profiles) if joints else NO_PRESCRIBED_JOINTS
     return free_motion(mechanism, times, drives, stops, controls)
@@ -740,5 +739,5 @@ class Planar(Reference):
         return solve(*motion.arguments, inertia=ask.inertia, **ask.of_model.arguments)
 
     def properties(self, motion: InputMotion, ask: Ask) -> dict[str, str]:
-        """Events at the stops of a free motion, in words."""
+        """Events at stops and of friction in a free motion, in words."""
         return properties(motion=motion.x, **ask.of_model.arguments)

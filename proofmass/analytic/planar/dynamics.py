@@ -8,7 +8,8 @@ reference pose is taken whenever the motion has gone too far from the old one:
     (Vᵀ M V) z̈ = Vᵀ (Q - M γ - h)
 
 Joints whose motion is prescribed count as loops that change with time: q_d - profile(t) = 0.
-Joints that rest on a stop count as loops as well (`proofmass.analytic.stops`).
+Joints that rest on a stop or stick by dry friction count as loops as well, and joints that slip
+have a constant force (`proofmass.analytic.motion_events`).
 
 The loops do not drift, since every evaluation closes them.  The integrator is DOP853 at 3e-14,
 begun anew where the motion profile of a drive or of a control has a break
@@ -32,6 +33,14 @@ from proofmass.analytic.controls import (
     ControlsInTime,
     Prescribed,
     smooth_pieces,
+)
+from proofmass.analytic.motion_events import (
+    FrictionJoint,
+    MotionWithEvents,
+    Phase,
+    StuckJoint,
+    integrate_with_events,
+    rest_in_steps,
 )
 from proofmass.analytic.numerics import CannotAssemble, SingularHere
 from proofmass.analytic.planar.forces import (
@@ -57,14 +66,7 @@ from proofmass.analytic.planar.mechanism import (
     Mechanism,
     Overconstrained,
 )
-from proofmass.analytic.stops import (
-    Balance,
-    MotionWithStops,
-    State,
-    Step,
-    Stop,
-    integrate_with_stops,
-)
+from proofmass.analytic.stops import Balance, State, Step, Stop
 from proofmass.base.arrays import Array
 
 if TYPE_CHECKING:
@@ -80,6 +82,12 @@ MAX_STRETCH = 1.5
 reference pose."""
 
 
+FREE_PHASE = Phase()
+"""A phase in which no joint is at rest and none has dry friction."""
+NO_SLOPES = 0.0, 0.0, 0.0, 0.0
+"""Coefficients of the polynomial of a coupling that holds a joint at a value, after the first."""
+
+
 class TangentChart:
     """The tangent plane of the constraints at a closed pose q (joints,), in `Mechanism.scale`."""
 
@@ -89,8 +97,10 @@ class TangentChart:
         q: Array,
         drives: Prescribed = NO_PRESCRIBED_JOINTS,
         controls: ControlsInTime | None = None,
+        phase: Phase = FREE_PHASE,
     ):
         self.m, self.q, self.at, self.drives, self.controls = m, q, q, drives, controls
+        self.phase, self.friction = phase, phase.friction(len(m.joints))
         self.last = np.inf  # end of the smooth piece of the profiles that is integrated [s]
         self.held, self.units = m.rows + drives.rates.size, m.scale[drives.rates]
         driven = np.eye(len(m.joints))[drives.rates]
@@ -158,9 +168,12 @@ class TangentChart:
         force = applied_forces(
             m, without_accelerations, centre, q[None], v[None], ctrl
         ) - inertial_forces(m, centre, without_accelerations)
-        force = force[0] - matrix @ gamma
+        force = force[0] + self.friction - matrix @ gamma
         z_acceleration = np.linalg.solve(into.T @ matrix @ into, into.T @ force)
-        return q, v, into @ z_acceleration + gamma, z_acceleration
+        a = into @ z_acceleration + gamma
+        if self.phase.held:  # joints at rest are exact, not up to the rounding of loops
+            q, v, a = self.phase.fix(q.copy(), v, a)
+        return q, v, a, z_acceleration
 
     def state(self, v: Array) -> Array:
         """State y of the reference pose with rates v (joints,)."""
@@ -189,8 +202,8 @@ def free_motion(
     drives: Prescribed = NO_PRESCRIBED_JOINTS,
     stops: tuple[Stop, ...] = (),
     controls: ControlsInTime | None = None,
-) -> MotionWithStops:
-    """Integrate the motion from the start at rising times, with its events at stops.
+) -> MotionWithEvents:
+    """Integrate the motion from the start at rising times, with its events.
 
     Joints without a drive start as near to the start pose as the loops allow.
 
@@ -211,7 +224,7 @@ def free_motion(
     if count_dof(m, q) <= drives.rates.size:
         raise SingularHere("the mechanism has no degree of freedom")
     v = nearest_rates(m, q, m.start_rate, drives.rates, rate)
-    return integrate_with_stops(FreeMechanism(m, drives, stops, controls), times, q, v)
+    return integrate_with_events(FreeMechanism(m, drives, stops, controls), times, q, v)
 
 
 class FreeMechanism:
@@ -228,37 +241,47 @@ class FreeMechanism:
         own = controls.breaks if controls else ()
         self.breaks = tuple(sorted({*drives.breaks, *own}))
         self.stops = tuple(s for s in stops if s.rate not in drives.rates)
-        self.resting: dict[tuple[Stop, ...], Mechanism] = {(): m}
+        self.changes_in_time = bool(drives.rates.size or controls)
+        self.frictions = tuple(
+            FrictionJoint(joint.name, k, k, joint.friction, float(m.scale[k]))
+            for k, joint in enumerate(m.joints)
+            if joint.friction and k not in drives.rates
+        )
+        self.at_rest: dict[tuple[Stop | StuckJoint, ...], Mechanism] = {(): m}
 
-    def chart(self, held: tuple[Stop, ...], q: Array) -> TangentChart:
-        """Make the tangent plane at a pose, with joints resting on the stops `held`.
+    def chart(self, phase: Phase, q: Array) -> TangentChart:
+        """Make the tangent plane at a pose in a phase, whose joints at rest count as loops.
 
         Raises
         ------
         Overconstrained
             One of the stops depends on the other constraints.
         """
-        if held not in self.resting:
-            rests = tuple(
-                Coupling(
-                    f"stop of {stop.joint}",
-                    ((stop.rate, 1.0),),
-                    (),
-                    (stop.value - self.m.joints[stop.rate].zero, 0.0, 0.0, 0.0, 0.0),
-                )
-                for stop in held
-            )
-            m = replace(self.m, couplings=(*self.m.couplings, *rests))
-            rows = scaled_jacobian(m, q[None])[0]
-            if np.linalg.matrix_rank(rows, tol=MOTION_RANK_TOLERANCE) < len(rows):
-                names = ", ".join(stop.joint for stop in held)
-                raise Overconstrained(f"joints rest on stops that are not independent: {names}")
-            self.resting[held] = m
-        return TangentChart(self.resting[held], q, self.drives, self.controls)
+        if phase.held not in self.at_rest:
+            self.at_rest[phase.held] = self.hold(phase, q)
+        return TangentChart(self.at_rest[phase.held], q, self.drives, self.controls, phase)
 
-    def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
+    def hold(self, phase: Phase, q: Array) -> Mechanism:
+        """The mechanism with couplings for the joints at rest, which must be independent.
+
+        Joints that stick and depend on others have none: the others hold them.
+        """
+        m, driven = self.m, np.eye(q.size)[self.drives.rates]
+        for one in phase.held:
+            value = one.value - m.joints[one.rate].zero
+            rest = Coupling(f"rest of {one.joint}", ((one.rate, 1.0),), (), (value, *NO_SLOPES))
+            more = replace(m, couplings=(*m.couplings, rest))
+            rows = np.concatenate([scaled_jacobian(more, q[None])[0], driven])
+            if np.linalg.matrix_rank(rows, tol=MOTION_RANK_TOLERANCE) == len(rows):
+                m = more
+            elif isinstance(one, Stop):
+                names = ", ".join(stop.joint for stop in phase.resting)
+                raise Overconstrained(f"joints rest on stops that are not independent: {names}")
+        return m
+
+    def state(self, phase: Phase, t: float, q: Array, v: Array) -> State:
         """Add the accelerations to a pose and its rates."""
-        chart = self.chart(held, q)
+        chart = self.chart(phase, q)
         return chart.motion(chart.state(v), t)[:3]
 
     def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
@@ -276,26 +299,28 @@ class FreeMechanism:
         )
 
     def steps(
-        self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float
+        self, phase: Phase, t: float, q: Array, v: Array, end: float, longest: float
     ) -> Iterator[Step]:
-        """Iterate over the motion from a state on, with joints resting on the stops `held`."""
+        """Iterate over the motion in a phase from a state on, in steps up to a length."""
         for start, stop, last in smooth_pieces(t, end, self.breaks) if t < end else ():
-            chart = self.chart(held, q)
+            chart = self.chart(phase, q)
             chart.last = last
-            if not chart.z.size:
+            if not chart.z.size and not self.drives.rates.size:
+                yield from rest_in_steps(start, stop, (q, 0.0 * v, 0.0 * v), longest)
+            elif not chart.z.size:
                 yield from iterate_without_dof(chart, start, stop)
                 q, v, _, _ = chart.motion(chart.state(v), stop)
             else:
-                q, v = yield from self.piece(chart, held, start, v, stop)
+                q, v = yield from self.piece(chart, start, v, stop, longest)
 
     def piece(
-        self, chart: TangentChart, held: tuple[Stop, ...], t: float, v: Array, end: float
+        self, chart: TangentChart, t: float, v: Array, end: float, longest_step: float
     ) -> Generator[Step, None, tuple[Array, Array]]:
         """Integrate over a time in which motion profiles are smooth, from the pose of a chart on.
 
         Pose and rates at the end are returned.
         """
-        longest, q, solver = 0.0, chart.q, start_integrator(chart, t, v, end)
+        longest, q, solver = 0.0, chart.q, start_integrator(chart, t, v, end, longest_step)
         while solver.t < end:
             start = solver.t
             message = solver.step()
@@ -313,10 +338,10 @@ class FreeMechanism:
             if left or solver.t == end:
                 q, v, _, _ = chart.motion(solver.y, solver.t)
             if left and solver.t < end:
-                last, chart = chart.last, self.chart(held, q)
+                last, chart = chart.last, self.chart(chart.phase, q)
                 chart.last = last
                 step = min(solver.h_abs, longest, end - solver.t)
-                solver = start_integrator(chart, solver.t, v, end, step)
+                solver = start_integrator(chart, solver.t, v, end, longest_step, step)
         return q, v
 
 
@@ -341,7 +366,12 @@ def iterate_without_dof(chart: TangentChart, t: float, end: float) -> Iterator[S
 
 
 def start_integrator(
-    chart: TangentChart, t: float, v: Array, end: float, first_step: float | None = None
+    chart: TangentChart,
+    t: float,
+    v: Array,
+    end: float,
+    longest: float = np.inf,
+    first_step: float | None = None,
 ) -> "DOP853":
     """Start the integrator of a motion from the pose of a chart at rates v (joints,)."""
     from scipy.integrate import DOP853  # slow to load
@@ -353,6 +383,7 @@ def start_integrator(
         end,
         rtol=INTEGRATION_TOLERANCE,
         atol=INTEGRATION_TOLERANCE,
+        max_step=longest,
         first_step=first_step,
     )
 

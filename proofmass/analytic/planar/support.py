@@ -18,9 +18,7 @@ K = RunKind
 SWEEPS_AT_REST = K.SWEEP, K.FREE_SWEEP
 AT_REST_NOTHING = answers(REFERENCE_KINDS, ACTS, irrelevant=SWEEPS_AT_REST)
 ON_DRIVE = answers(REFERENCE_KINDS, REFUSED, irrelevant=SWEEPS_AT_REST)
-FRICTION = answers(
-    REFERENCE_KINDS, ACTS, refused=(K.FREE_SWEEP, K.FREE_MOTION), partly=(K.DRIVEN_MOTION,)
-)
+FRICTION = answers(REFERENCE_KINDS, ACTS, refused=(K.FREE_SWEEP,))
 EXCEPTIONS: dict[str, Answers | FeatureAnswer] = {
     "ball joint": REFUSED,
     "free joint": REFUSED,

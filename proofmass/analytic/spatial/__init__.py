@@ -25,7 +25,13 @@ from proofmass.analytic.controls import (
 )
 from proofmass.analytic.equilibrium import EquilibriumSolver
 from proofmass.analytic.mjcf import SensorData, SensorFrame, SensorKind
-from proofmass.analytic.numerics import NotCovered, rotation_matrix, unwrap_quaternions
+from proofmass.analytic.motion_events import MotionWithEvents
+from proofmass.analytic.numerics import (
+    NotCovered,
+    motion_senses,
+    rotation_matrix,
+    unwrap_quaternions,
+)
 from proofmass.analytic.protocol import Ask, InputMotion, Reference
 from proofmass.analytic.spatial.equilibrium import TreeAtRest
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
@@ -41,6 +47,7 @@ from proofmass.analytic.spatial.motion import (
     integrate_motion,
 )
 from proofmass.analytic.spatial.reactions import PoseStates, Reactions
+from proofmass.analytic.spatial.support import SUPPORT
 from proofmass.analytic.spatial.terms import (
     OwnTerms,
     actuator_forces,
@@ -50,7 +57,8 @@ from proofmass.analytic.spatial.terms import (
     tendon_stretch,
 )
 from proofmass.analytic.spatial.witness import TermComparison, compare_terms
-from proofmass.analytic.stops import MotionWithStops, Stop, refuse_limit, stops_of_joint
+from proofmass.analytic.stops import Stop, refuse_limit, stops_of_joint
+from proofmass.analytic.support import refuse, run_kind
 from proofmass.analytic.term_source import TERM_NAMES, TermSource
 from proofmass.base.arrays import Array
 from proofmass.base.read_once import read_once
@@ -117,7 +125,9 @@ def solve(
     (`proofmass.analytic.spatial.witness`).  Driven joints have given values.  Degrees of freedom
     that the drives do not determine move freely from the start pose if the drives move in time.
     Otherwise springs, weights and loads bring them to rest, in the stable equilibrium that the
-    mechanism reaches from the start pose (`proofmass.analytic.equilibrium`).
+    mechanism reaches from the start pose (`proofmass.analytic.equilibrium`).  Joints with dry
+    friction stick and slip in time (`proofmass.analytic.motion_events`); that of joints that drives
+    prescribe loads the drives.
 
     Parameters
     ----------
@@ -182,6 +192,8 @@ def solve(
     tree, source = tree_and_terms(model, start, terms)
     motion = (value,) if not joints else (value, rate, acceleration)
     changing = ChangingControls(controls, control_rates, control_profiles)
+    has_dof = not joints or has_free_dof(tree, joints)
+    refuse(tree.data, SUPPORT, run_kind(joints, has_dof, inertia, in_time is not None), joints)
     followed = find_motion(tree, source, joints, motion, in_time, changing)
     if followed.way == AT_REST and inertia:
         raise NotCovered("a path of equilibria has no inertia: leave out inertia of the sweep")
@@ -227,11 +239,13 @@ def properties(
         found["equalities"] = (
             f"closed exactly, {rows}; open by {held.start_violation:.1g} in the key"
         )
-    if events := held.stopped.events():
+    if events := held.followed.events():
         found["stops"] = events
+    if events := held.followed.friction_events():
+        found["friction"] = events
     if (
         not joints
-        and not held.stopped.impacts
+        and not held.followed.impacts
         and (energy := describe_conservation(tree, followed))
     ):
         found["energy"] = energy
@@ -239,7 +253,10 @@ def properties(
 
 
 def describe_conservation(tree: Tree, followed: SolvedMotion) -> str:
-    """Describe how well energy is conserved; empty where actuators or dampers change it."""
+    """Describe how well energy is conserved; empty where actuators or dampers change it.
+
+    The work of dry friction counts as energy that is left.
+    """
     if (
         tree.actuators
         or tree.site_loads
@@ -251,7 +268,10 @@ def describe_conservation(tree: Tree, followed: SolvedMotion) -> str:
     own = kinetic_energy(tree, followed), potential_energy(tree, followed)
     swing = max(float(np.ptp(part)) for part in own) or float(np.abs(own[0]).max()) or 1.0
     swing = max(swing, float(own[0].max()))
-    return f"kept to {float(np.ptp(own[0] + own[1])) / swing:.1g} of the largest kinetic energy"
+    work = np.array(followed.held.followed.friction_work)
+    lost = ", with the work of friction" if work.any() else ""
+    share = float(np.ptp(own[0] + own[1] - work)) / swing
+    return f"kept to {share:.1g} of the largest kinetic energy{lost}"
 
 
 def tree_and_terms(model: Any, start: str, terms: TermSource | None) -> tuple[Tree, TermSource]:
@@ -361,8 +381,8 @@ def follow_equilibria_cached(
     resting = EquilibriumSolver(at_rest)
     q, stops = resting.follow(values, ctrl)
     v, pushes = resting.beside(q, stops, values, rates, ctrl, ctrl_rates)
-    stopped = MotionWithStops(forces=list(pushes))
-    held = ConstrainedMotion(q, v, np.full_like(v, np.nan), at_rest.closed[1], 0, 0, stopped)
+    events = MotionWithEvents(forces=list(pushes))
+    held = ConstrainedMotion(q, v, np.full_like(v, np.nan), at_rest.closed[1], 0, 0, events)
     return compare_and_move(tree, source, AT_REST, held, None, ctrl)
 
 
@@ -401,7 +421,8 @@ def force_curves(
     found = actuator_curves(tree, motion, state, followed.ctrl)
     if not sensors and not joints:
         return found
-    pushes = np.array(held.stopped.forces or zero_rates[:1])
+    pushes = np.array(held.followed.forces or zero_rates[:1])
+    pushes = pushes + friction_on_drives(tree, followed, joints)
     reactions = Reactions(tree, motion, state, joints, pushes, followed.ctrl)
     found |= drive_curves(tree, joints, reactions.drives)
     for one in sensors if reactions.unique else ():
@@ -410,6 +431,19 @@ def force_curves(
         own = seat.inside(force if one.kind == SensorKind.FORCE else moment)
         found |= {f"{one.name}.{part}": own[:, k] for k, part in enumerate("xyz")}
     return found
+
+
+def friction_on_drives(tree: Tree, followed: SolvedMotion, joints: tuple[str, ...]) -> Array:
+    """Dry friction (n, rates) of the joints whose motion drives prescribe [N m or N].
+
+    It loads the drives alone.  A joint that is at rest has the friction with which it came to rest.
+    """
+    rates, driven = followed.held.v, tree.places(joints)[1]
+    prescribed = [*driven.tolist(), *followed.held.followed.prescribed]
+    is_driven = np.isin(np.arange(rates.shape[1]), prescribed) | (followed.way == DRIVEN)
+    fastest = float(np.abs(rates[:, driven]).max(initial=0.0))
+    senses = motion_senses(rates.T, fastest).T
+    return np.asarray(-np.where(is_driven, tree.frictions, 0.0) * senses)
 
 
 def actuator_curves(

@@ -115,6 +115,11 @@ class Tree:
         return np.concatenate([np.zeros(0), *(joint.armature for joint in self.joints)])
 
     @cached_property
+    def frictions(self) -> Array:
+        """Dry friction of all rates (rates,) [N m or N]."""
+        return np.concatenate([np.zeros(0), *(joint.friction for joint in self.joints)])
+
+    @cached_property
     def moved(self) -> Array:
         """1 where a rate moves a body, else 0 (bodies, rates)."""
         found = np.zeros((len(self.bodies), len(self.armature)))
@@ -245,6 +250,9 @@ def make_tree(data: ModelData, start: str) -> Tree:
     """Make the tree of a model's data; see `read_tree`."""
     refuse_contacts(data)
     refuse(data, SUPPORT)
+    for joint in data.joints:
+        if joint.friction.any() and not joint.is_scalar:
+            raise NotCovered(f"frictionloss of joint {joint.name!r}, which is a {joint.kind} joint")
     on_site = ActuatorTarget.SITE
     return Tree(data, data.key(start), tuple(one for one in data.acting if one.target != on_site))
 

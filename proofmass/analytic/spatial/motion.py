@@ -6,7 +6,8 @@ r"""The motion of a tree with exact equalities.
 The pseudo-inverse W⁺ leaves out singular values below `EQUALITY_RANK_TOLERANCE` of the largest, so
 that rows may depend on each other. The integrator is DOP853. After every step the pose is projected
 on φ(q) = 0 and the rates on J v = 0 by the smallest change in the metric of M, and quaternions are
-scaled to length 1.
+scaled to length 1.  Joints that rest on stops or stick by dry friction are more rows of J, and Q
+has the friction of those that slip (`proofmass.analytic.motion_events`).
 """
 
 from collections.abc import Callable, Iterator
@@ -22,19 +23,18 @@ from proofmass.analytic.controls import (
     Prescribed,
     smooth_pieces,
 )
+from proofmass.analytic.motion_events import (
+    FrictionJoint,
+    MotionWithEvents,
+    Phase,
+    integrate_with_events,
+    rest_in_steps,
+)
 from proofmass.analytic.numerics import CannotAssemble, SingularHere
 from proofmass.analytic.spatial.kinematics import advance_pose, pose_difference, pose_rate
 from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.start import MAX_KEY_VIOLATION, start_pose, start_rates
-from proofmass.analytic.stops import (
-    Balance,
-    MotionWithStops,
-    State,
-    Step,
-    Stop,
-    integrate_with_stops,
-    unit_rows,
-)
+from proofmass.analytic.stops import Balance, State, Step, Stop
 from proofmass.analytic.term_source import Terms, TermSource
 from proofmass.base.arrays import Array, Index
 
@@ -69,8 +69,8 @@ class ConstrainedMotion:
         Number of independent rows of the equalities.
     evaluations : int
         Number of evaluations of the equations of motion.
-    stopped : MotionWithStops
-        Events and forces at stops.
+    followed : MotionWithEvents
+        Events and forces at stops and of dry friction.
     """
 
     q: Array
@@ -79,31 +79,32 @@ class ConstrainedMotion:
     start_violation: float
     rank: int
     evaluations: int
-    stopped: MotionWithStops = field(default_factory=MotionWithStops)
+    followed: MotionWithEvents = field(default_factory=MotionWithEvents)
 
 
 class ConstrainedTree:
-    """Motion of a tree under its equalities, stops and drives, with the terms of a source."""
+    """Motion of a tree in one phase, under equalities and drives, with the terms of a source."""
 
     def __init__(
         self,
         tree: Tree,
         source: TermSource,
-        stops: tuple[Stop, ...] = (),
+        phase: Phase | None = None,
         controls: ControlsInTime | None = None,
         drives: Prescribed = NO_PRESCRIBED_JOINTS,
     ):
-        self.tree, self.source, self.stops, self.controls = tree, source, stops, controls
+        self.tree, self.source, self.controls = tree, source, controls
+        self.phase = phase or Phase()
         self.drives, self.evaluations, self.rank = drives, 0, 0
         self.last = np.inf  # end of the smooth piece of the profiles that is integrated [s]
         self.solved_state: tuple[float, bytes, bytes] | None = None
-        self.joint_rows = np.vstack(
-            [np.eye(tree.armature.size)[drives.rates], unit_rows(stops, tree.armature.size)]
-        )
+        held = [one.rate for one in self.phase.held]
+        self.joint_rows = np.eye(tree.armature.size)[[*drives.rates.tolist(), *held]]
+        self.friction = self.phase.friction(tree.armature.size)
 
     @property
     def rows(self) -> int:
-        """Number of rows of equalities, drives and stops."""
+        """Number of rows of equalities, drives and joints at rest."""
         return self.tree.rows + len(self.joint_rows)
 
     def ctrl(self, t: float) -> Array | None:
@@ -111,14 +112,15 @@ class ConstrainedTree:
         return self.controls.at(t) if self.controls else None
 
     def terms(self, t: float, q: Array, v: Array) -> Terms:
-        """All terms at a time, for a pose with its rates; drives and stops add a row each."""
+        """All terms at a time, for a pose with its rates; drives and joints at rest have rows."""
         t = min(t, self.last)
         found = self.source.terms(q, v, self.ctrl(t))
         jacobian = self.tree.without_rounding(found.jacobian)
+        found = replace(found, jacobian=jacobian, force=found.force + self.friction)
         if not self.joint_rows.size:
-            return replace(found, jacobian=jacobian)
+            return found
         value, _, acceleration = self.drives.profile(t)
-        gaps = [q[stop.pose] - stop.value for stop in self.stops]
+        gaps = [q[one.pose] - one.value for one in self.phase.held]
         return replace(
             found,
             gap=np.concatenate([found.gap, q[self.drives.poses] - value, gaps]),
@@ -129,13 +131,16 @@ class ConstrainedTree:
     def row_rates(self, t: float) -> Array:
         """Prescribed rates of all rows (rows,) at a time: zero except for the drives."""
         rate = self.drives.profile(min(t, self.last))[1]
-        return np.concatenate([np.zeros(self.tree.rows), rate, np.zeros(len(self.stops))])
+        return np.concatenate([np.zeros(self.tree.rows), rate, np.zeros(len(self.phase.held))])
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Accelerations (rates,) at a time, for a pose with its rates [SI]."""
         if not self.rows:
             self.evaluations += 1
-            return self.source.acceleration(q, v, self.ctrl(min(t, self.last)))
+            if not self.friction.any():
+                return self.source.acceleration(q, v, self.ctrl(min(t, self.last)))
+            terms = self.terms(t, q, v)
+            return np.asarray(np.linalg.solve(terms.mass, terms.force - terms.bias))
         terms, root, closing = self.solve(t, q, v)
         free = root.T @ (root @ (terms.force - terms.bias))
         return np.asarray(free + closing @ (terms.drift - terms.jacobian @ free))
@@ -192,9 +197,17 @@ class ConstrainedTree:
             terms, _, inverse = self.solve(t, q, v)
             gap = np.abs(terms.gap).max()
             if gap < VIOLATION_TOLERANCE * max(1.0, self.tree.extent):
-                return q, v - inverse @ (terms.jacobian @ v - self.row_rates(t))
+                v = v - inverse @ (terms.jacobian @ v - self.row_rates(t))
+                return self.phase.fix(q.copy(), v, np.zeros_like(v))[:2]
             q = advance_pose(self.tree, q, -inverse @ terms.gap)
         raise CannotAssemble(f"the equalities stay open by {gap:.3g}")
+
+    def is_at_rest(self, t: float, q: Array, v: Array) -> bool:
+        """Whether joints at rest hold all others, and no drive moves any."""
+        if not self.phase.held or self.drives.rates.size:
+            return False
+        self.solve(t, q, v)
+        return self.rank == v.size
 
     def slope(self, t: float, y: Array) -> Array:
         """Time derivative of the state y = (q, v)."""
@@ -310,10 +323,10 @@ def integrate_motion(
         The start is beyond a stop.
     """
     moving = FreeTree(tree, source, stops, controls, drives)
-    free = moving.constrained_tree(())
+    free = moving.constrained_tree(Phase())
     q, v, gap = free.start(float(times[0]))
     free.acceleration(float(times[0]), q, v)  # which finds the rank
-    found = integrate_with_stops(moving, times, q, v)
+    found = integrate_with_events(moving, times, q, v)
     evaluations = sum(holder.evaluations for holder in moving.constrained_trees.values())
     rank = free.rank - drives.rates.size
     return ConstrainedMotion(*found.arrays(), gap, rank, evaluations, found)
@@ -334,33 +347,49 @@ class FreeTree:
         self.stops = tuple(stop for stop in stops if stop.rate not in drives.rates)
         own = controls.breaks if controls else ()
         self.breaks = tuple(sorted({*drives.breaks, *own}))
-        self.constrained_trees: dict[tuple[Stop, ...], ConstrainedTree] = {}
-
-    def constrained_tree(self, held: tuple[Stop, ...]) -> ConstrainedTree:
-        """The motion under the equalities, the drives and the stops `held`; cached."""
-        if held not in self.constrained_trees:
-            self.constrained_trees[held] = ConstrainedTree(
-                self.tree, self.source, held, self.controls, self.drives
+        self.changes_in_time = bool(drives.rates.size or controls)
+        self.frictions = tuple(
+            FrictionJoint(
+                joint.name,
+                joint.pose,
+                joint.rate,
+                float(joint.friction[0]),
+                float(tree.sizes[joint.rate]),
             )
-        return self.constrained_trees[held]
+            for joint in tree.joints
+            if joint.friction.any() and joint.rate not in drives.rates
+        )
+        self.constrained_trees: dict[Phase, ConstrainedTree] = {}
 
-    def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
+    def constrained_tree(self, phase: Phase) -> ConstrainedTree:
+        """The motion under the equalities and the drives in a phase; cached."""
+        if phase not in self.constrained_trees:
+            self.constrained_trees[phase] = ConstrainedTree(
+                self.tree, self.source, phase, self.controls, self.drives
+            )
+        return self.constrained_trees[phase]
+
+    def state(self, phase: Phase, t: float, q: Array, v: Array) -> State:
         """Add the accelerations to a pose and its rates."""
-        return q, v, self.constrained_tree(held).acceleration(t, q, v)
+        a = self.constrained_tree(phase).acceleration(t, q, v)
+        return phase.fix(q.copy(), v.copy(), a) if phase.held else (q, v, a)
 
     def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
         """Constraints of equalities and drives in a state, and the force they and stops exert."""
-        terms = self.constrained_tree(()).terms(t, q, v)
+        terms = self.constrained_tree(Phase()).terms(t, q, v)
         return Balance(terms.jacobian, terms.mass, terms.mass @ a + terms.bias - terms.force)
 
     def steps(
-        self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float
+        self, phase: Phase, t: float, q: Array, v: Array, end: float, longest_step: float
     ) -> Iterator[Step]:
-        """Iterate over the motion from a state on, with joints resting on the stops `held`."""
-        holder, size = self.constrained_tree(held), q.size
+        """Iterate over the motion in a phase from a state on, in steps up to a length."""
+        holder, size = self.constrained_tree(phase), q.size
         for start, stop, last in smooth_pieces(t, end, self.breaks) if t < end else ():
             holder.last = last
-            solver = start_integrator(holder, start, q, v, stop)
+            if holder.is_at_rest(start, q, v):
+                yield from rest_in_steps(start, stop, (q, 0.0 * v, 0.0 * v), longest_step)
+                continue
+            solver = start_integrator(holder, start, q, v, stop, longest_step)
             longest, short = 0.0, 0
             while solver.status == "running":
                 step_start = solver.t
@@ -389,7 +418,8 @@ def states_in_step(
     def at(time: float) -> State:
         y = last[1] if time == last[0] else dense_output()(time)
         q, v = holder.close(time, y[:size], y[size:])
-        return q, v, holder.acceleration(time, q, v)
+        a = holder.acceleration(time, q, v)
+        return holder.phase.fix(q.copy(), v.copy(), a) if holder.phase.held else (q, v, a)
 
     return at
 
@@ -550,7 +580,9 @@ def driven_motion(
     return ConstrainedMotion(np.array(poses), v, a, gap, 0, driver.evaluations)
 
 
-def start_integrator(holder: ConstrainedTree, t: float, q: Array, v: Array, end: float) -> "DOP853":
+def start_integrator(
+    holder: ConstrainedTree, t: float, q: Array, v: Array, end: float, longest: float
+) -> "DOP853":
     """Start the integrator of a motion from a pose with its rates."""
     from scipy.integrate import DOP853  # slow to load
 
@@ -561,4 +593,5 @@ def start_integrator(holder: ConstrainedTree, t: float, q: Array, v: Array, end:
         end,
         rtol=MOTION_TOLERANCE,
         atol=MOTION_TOLERANCE,
+        max_step=longest,
     )

@@ -17,14 +17,15 @@ from proofmass.analytic.support import (
 K = RunKind
 SWEEPS_AT_REST = K.SWEEP, K.FREE_SWEEP
 AT_REST_NOTHING = answers(REFERENCE_KINDS, ACTS, irrelevant=SWEEPS_AT_REST)
+FRICTION = answers(REFERENCE_KINDS, PARTLY, refused=(K.FREE_SWEEP,))
 EXCEPTIONS: dict[str, Answers | FeatureAnswer] = {
     "polynomial stiffness of a ball or free joint": REFUSED,
     "spring that yields of a joint": REFUSED,
     "damping of a joint": AT_REST_NOTHING,
     "polynomial damping of a joint": AT_REST_NOTHING,
     "polynomial damping of a driven joint": AT_REST_NOTHING,
-    "frictionloss of a joint": REFUSED,
-    "frictionloss of a driven joint": REFUSED,
+    "frictionloss of a joint": FRICTION,
+    "frictionloss of a driven joint": answers(REFERENCE_KINDS, ACTS, refused=(K.FREE_SWEEP,)),
     "armature of a hinge on the ground": AT_REST_NOTHING,
     "armature of a joint, which is no single hinge on the ground": AT_REST_NOTHING,
     "range of a joint": PARTLY,

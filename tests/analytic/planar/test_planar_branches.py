@@ -429,13 +429,6 @@ def test_models_that_are_no_planar_linkages_are_refused(xml, words):
         read(model, "")
 
 
-def test_dry_friction_in_a_free_motion_is_refused():
-    xml = '<body><joint name="a" frictionloss="1"/><geom size="0.1" contype="0"/></body>'
-    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{xml}</worldbody></mujoco>")
-    with pytest.raises(ValueError, match="frictionloss of joint 'a' in dynamics"):
-        solve([0.0, 1.0], model=model)
-
-
 def test_poses_are_those_of_mujocos_kinematics():
     """The tree has tilted frames, and its joint values are random."""
     model = mujoco.MjModel.from_xml_string("""<mujoco><compiler angle="radian"/><worldbody>
