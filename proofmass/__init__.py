@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from proofmass.base.errors import InputError as InputError
     from proofmass.batch.check import check as check
     from proofmass.case.case import Case as Case
+    from proofmass.formats.assertion import assert_agrees as assert_agrees
     from proofmass.reference.evaluate import evaluate as evaluate
     from proofmass.report.animation import Animation as Animation
     from proofmass.report.animation import animate as animate
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from proofmass.sim.protocol.curves import Curves as Curves
     from proofmass.verdict.compare import compare as compare
     from proofmass.verdict.comparison import Comparison as Comparison
+    from proofmass.verdict.judge import judge as judge
 
     __version__: str
 
@@ -31,12 +33,14 @@ PUBLIC = {
     "animate": "report.animation",
     "Explorer": "report.explorer",
     "as_html": "report.reprs",
+    "assert_agrees": "formats.assertion",
     "check": "batch.check",
     "Comparison": "verdict.comparison",
     "compare": "verdict.compare",
     "InputError": "base.errors",
     "evaluate": "reference.evaluate",
     "Curves": "sim.protocol.curves",
+    "judge": "verdict.judge",
     "solve": "run.solve",
     "screen_model": "screen.screen",
 }
@@ -51,9 +55,11 @@ __all__ = [
     "InputError",
     "animate",
     "as_html",
+    "assert_agrees",
     "check",
     "compare",
     "evaluate",
+    "judge",
     "load_case",
     "screen_model",
     "solve",

@@ -5,20 +5,22 @@ import shutil
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import proofmass
 import proofmass.batch.check
+from proofmass.analytic.linkages import fourbar
 from proofmass.batch.check import collect_inputs
 from proofmass.commands.cli import app
 from proofmass.sim.model_source import ADVICE
 from tests.shipped import shipped
+from tests.sim.pymunk.test_own_space import LENGTHS, fourbar_channels, make_fourbar
 from tests.sim.test_urdf import BASE, SHOULDER, UPPER
 
 PAGE = (Path(__file__).parent.parent / "docs" / "inputs.md").read_text(encoding="utf-8")
-FENCES = re.findall(r"^\| (?!what|-)(.*?) \| (.*) \|$", PAGE, re.MULTILINE)
-ROWS = dict(FENCES)
+ROWS = dict(re.findall(r"^\| (?!what|-)(.*?) \| (.*) \|$", PAGE, re.MULTILINE))
 """The cells of the first table by what a person has."""
 
 
@@ -81,8 +83,38 @@ def test_each_row_that_is_a_call_can_be_made(room, monkeypatch):
         "case": proofmass.load_case("pendulum.toml").with_run("dynamics", n=2, until=0.01),
         "model": mujoco.MjModel.from_xml_path("robot.xml"),
     }
-    calls = re.findall(r"`(proofmass\.check\(.*?\))`", "\n".join(ROWS.values()))
-    assert len(calls) == 3
+    calls = re.findall(r"`(proofmass\.\w+\(.*\))`", "\n".join(ROWS.values()))
+    assert len(calls) == 6
     for call in calls:
-        eval(call, names)
+        if call.startswith("proofmass.check"):
+            eval(call, names)
     assert made == ["pendulum", "pendulum", "robot", "pendulum", "pendulum 2"]
+
+
+def test_the_calls_with_arrays_and_a_space_agree():
+    space, bars = make_fourbar()
+    time = np.linspace(0.0, 1.0, 11)
+    true = fourbar.solve(time, **LENGTHS)["rocker_angle"]
+    channels = fourbar_channels(bars)
+    names = {
+        "proofmass": proofmass,
+        "lengths": LENGTHS,
+        "curves": {"time": time, "theta": time, "rocker_angle": true},
+        "space": space,
+        "angles": {"theta": channels["crank"], "rocker_angle": channels["rocker_angle"]},
+    }
+    for what in ("arrays: NumPy, a DataFrame", "a `Space` of pymunk"):
+        (call,) = re.findall(r"`(proofmass\.judge\(.*\))`", ROWS[what])
+        assert [c.outcome for c in eval(call, names)] == ["agrees"]
+    (call,) = re.findall(r"`(proofmass\.\w+\(.*\))`", ROWS["a test of your own"])
+    eval(call, names)
+
+
+def test_the_scripts_on_the_page_run(capsys):
+    for script in re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL):
+        exec(compile(script, "docs/inputs.md", "exec"), {})
+    arrays, space = capsys.readouterr().out.splitlines()
+    channel, outcome, error, unit, _ = arrays.split()
+    assert (channel, outcome, unit) == ("angle", "agrees", "deg")
+    assert 0.001 < float(error) < 0.02
+    assert space.startswith("self-consistent until 0.5 s, its end: steps of 1, 0.5, 0.25 and 0.125")

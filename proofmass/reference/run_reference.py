@@ -52,6 +52,8 @@ class RunReference:
         if curves.drive is not None and case.drive:
             drives = tuple(Drive("", profile) for profile in drive_profiles(case, run))
             self.state = Run(run, self.x, (), drives).motion(self.x)
+        elif curves.drive is not None:  # given curves, whose drives have no profile
+            self.state = curves.drive
         self.memory: Memory = {}
         self.known: dict[tuple[str, float], dict[str, Array]] = {}
         self.as_prescribed = self.evaluated({}, more=True)

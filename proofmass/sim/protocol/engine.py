@@ -27,6 +27,7 @@ from proofmass.sim.protocol.settings import EngineSettings
 
 if TYPE_CHECKING:
     from proofmass.analytic.support import Support
+    from proofmass.sim.protocol.object_run import ObjectRun
     from proofmass.sim.protocol.own_equations import OwnEquations
     from proofmass.sim.protocol.programs import Programs
     from proofmass.sim.protocol.theory import Theory
@@ -111,6 +112,20 @@ class Engine:
         BadModel, Unsupported, Diverged
             Any other exception counts as a crash of the run, except
             `proofmass.base.errors.InputError`, which names a faulty file of the engine.
+        """
+        raise NotImplementedError
+
+    def owns(self, thing: object) -> bool:
+        """Whether something is a model of the engine's own objects, which `record` runs."""
+        return False
+
+    def record(self, thing: object, run: "ObjectRun") -> Curves:
+        """Run a model of the engine's own objects, a copy of it where that is possible.
+
+        Raises
+        ------
+        InputError
+            The run or a channel is wrong.
         """
         raise NotImplementedError
 

@@ -2,16 +2,21 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
+
+from pymunk import Space
 
 from proofmass.analytic.mjcf import read_compiled
 from proofmass.analytic.support import left_out
 from proofmass.sim.mjcf import collected_warnings, warning_notes
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.engine import Engine
+from proofmass.sim.protocol.object_run import ObjectRun
 from proofmass.sim.protocol.part import LoadedPart
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.pymunk.dynamics import dynamics
 from proofmass.sim.pymunk.model import find_channels, read_model
+from proofmass.sim.pymunk.own_space import record_space
 from proofmass.sim.pymunk.quasi_static import equilibrium, sweep
 from proofmass.sim.pymunk.settings import ACCURACY, CONTACT_SETTINGS, SPACE_SETTINGS, PymunkSettings
 from proofmass.sim.pymunk.support import SUPPORT
@@ -104,6 +109,14 @@ class Pymunk(Engine):
     def simulate(self, model: Path, run: Run) -> Curves:
         """See `simulate`."""
         return simulate(model, run)
+
+    def owns(self, thing: object) -> bool:
+        """Whether something is a ``Space``."""
+        return isinstance(thing, Space)
+
+    def record(self, thing: object, run: ObjectRun) -> Curves:
+        """See `proofmass.sim.pymunk.own_space.record_space`."""
+        return record_space(cast(Space, thing), run)
 
 
 ENGINE = Pymunk()

@@ -1,0 +1,662 @@
+"""Judge arrays from anywhere against a reference by its name, without a sidecar and an engine.
+
+The columns become the curves of a solver, and a case is made in memory that names the reference:
+what judges them is `proofmass.verdict.compare.compare`, as for an engine.
+"""
+
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from glob import escape
+from pathlib import Path
+from typing import Any, TypeAlias, cast
+
+import numpy as np
+from pydantic import ValidationError
+
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError, suggest_names
+from proofmass.base.recording import Recorded
+from proofmass.base.strict import Kind
+from proofmass.base.units import read_quantity, same_quantity, si_unit, to_si
+from proofmass.case.case import Case, Channel, Tolerance, made_models_folder
+from proofmass.case.drive import DriveState
+from proofmass.case.inputs import PROGRAM_ENDING, RECORDED_ENDING, is_recorded
+from proofmass.reference.case_model import compiled_model
+from proofmass.reference.evaluate import all_quantities, evaluate
+from proofmass.reference.find import load_reference
+from proofmass.run.sidecar import convert_parameters, describe_invalid, key_of_error
+from proofmass.run.validate import delivered_unit
+from proofmass.sim.contents import sensor_names
+from proofmass.sim.engines import engine_names, engine_of
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.engine import Engine
+from proofmass.sim.protocol.object_run import ChannelOfObject, ObjectRun
+from proofmass.verdict.compare import CONSTANT_RANGE, compare
+from proofmass.verdict.comparison import Comparisons
+from proofmass.verdict.own_steps import judge_steps
+
+GIVEN = Path("judge")
+"""What messages name in place of a file."""
+GIVEN_SOLVER = "recorded:given"
+"""The solver of given curves: as for another program's curves, nothing is run again."""
+AS_ASKED = "as asked for"
+"""The reason of a tolerance whose reason is not given."""
+X_NAMES = "time", "t"
+"""Names of the column of x, if none is named."""
+HEADER = re.compile(r"\s*(.*?)\s*\[([^\[\]]*)\]\s*")
+"""A name of a column with its unit, as in CSV files: ``theta1 [deg]``."""
+ALL_COLUMNS = "*"
+"""The key of a tolerance of all columns that have none of their own."""
+DRIVE_PART_NAMES = "value", "rate", "acceleration"
+RUN: Kind = "dynamics"
+ColumnSource: TypeAlias = "Curves | Mapping[str, Any] | Any"
+"""`Curves`, a mapping of names to arrays, or a data frame."""
+DriveParts: TypeAlias = Mapping[str, Sequence["Array | None"]]
+"""Value, rate and acceleration of each drive by its joint; None for a part that is not given."""
+DriveColumn: TypeAlias = "str | float | Sequence[float] | Array"
+"""The name of a column, a number for a constant, or an array."""
+
+
+@dataclass(frozen=True)
+class GivenColumn:
+    """A column: its name, its unit, and its values as they were given."""
+
+    name: str
+    unit: str
+    values: Array
+
+    @property
+    def in_si(self) -> Array:
+        """The values in SI."""
+        return np.asarray(to_si(cast(Any, self.values), self.unit))
+
+
+@dataclass(frozen=True)
+class GivenCurves:
+    """Given curves, and the case in memory by which they are judged."""
+
+    case: Case
+    curves: Curves
+
+    def compare(self, detectable: bool = True) -> Comparisons:
+        """Compare the curves with the reference."""
+        return compare(self.case, RUN, GIVEN_SOLVER, self.curves, detectable)
+
+
+def judge(
+    curves: ColumnSource,
+    reference: str | Path | None,
+    *,
+    parameters: Mapping[str, float | str] | None = None,
+    tolerance: float | str | Mapping[str, float | str] | None = None,
+    why: str = AS_ASKED,
+    equals: Mapping[str, Any] | None = None,
+    drive: Any = None,
+    units: Mapping[str, str] | None = None,
+    x: str | None = None,
+    model: Path | str | None = None,
+    start: str = "start",
+    name: str = "",
+    channels: Mapping[str, ChannelOfObject] | None = None,
+    duration: float | None = None,
+    step: float | None = None,
+    every: int = 1,
+    detectable: bool = True,
+) -> Comparisons:
+    """Compare arrays, or a model of an engine's own objects, with a reference; without a sidecar.
+
+    Parameters
+    ----------
+    curves : Curves, mapping, data frame or pymunk.Space
+        Arrays (n,) by name, with one of times. A name may end in a unit, ``"theta1 [deg]"``;
+        without one the numbers are in SI. A space is run, see `channels`.
+    reference : str, path or None
+        Name of a reference, such as ``fourbar``; or a file: a program ``yoke.py``, recorded curves
+        ``rig.csv``. None, of a space: it is judged by itself, with shorter and shorter steps.
+    parameters : mapping, optional
+        Parameters of the reference [SI], or texts with a unit, such as ``"250 mm"``.
+    tolerance : float, str or mapping, optional
+        A number is a share of the range of each reference curve [1]; a text is an absolute error
+        with its unit, such as ``"0.1 deg"``; a mapping has one for each column, ``"*"`` standing
+        for all others. Without it errors are found and nothing is judged.
+    why : str, optional
+        The reason of the tolerance, which is the message of curves that agree.
+    equals : mapping, optional
+        The quantity of the reference that each column must equal; or a table of a channel, such as
+        ``{"equals": "rocker_angle", "scale": -1, "shift": 90}``. By default all columns with the
+        name of a quantity are compared.
+    drive : str, tuple, list or mapping, optional
+        The motion of the drive as it really was: the name of a column, or (value, rate,
+        acceleration), each the name of a column, an array or a number. Several drives are a list,
+        or a mapping by the names of their joints in a model.
+    units : mapping, optional
+        Units of columns by name.
+    x : str, optional
+        The column of times; ``time`` or ``t`` if not given, and the index of a data frame if it has
+        neither.
+    model : path, optional
+        The MJCF, for references that read it, such as ``planar``.
+    start : str, optional
+        The key of the model from which it starts.
+    name : str, optional
+        Name of the case in the comparisons; that of the reference if not given.
+    channels : mapping, optional
+        The columns of a space: ``(body, "angle")``, an object that is added to it and the path of
+        an attribute, or a function of the space. A copy of the space is stepped. With a function
+        without arguments, ``lambda: body.angle``, the space itself is stepped, which the notes of
+        the curves say.
+    duration, step : float, optional
+        Length of the run of a space, and of its steps [s].
+    every : int, optional
+        Steps of a space from one sample to the next.
+    detectable : bool, optional
+        Whether to find `Comparison.detectable` as well.
+
+    Returns
+    -------
+    Comparisons
+        One for each column that is compared.
+
+    Raises
+    ------
+    InputError
+        A column is missing, has another length, a value that is no finite number or an unknown
+        unit; a parameter is wrong; the drive lacks a part that a curve needs; a tolerance means
+        nothing.
+
+    Examples
+    --------
+    >>> time = np.linspace(0.0, 1.0, 101)
+    >>> swing = {"time": time, "angle": 0.1 * np.cos(3.0 * time)}  # without the term of amplitude^2
+    >>> (found,) = judge(swing, "pendulum", tolerance=1e-4,
+    ...                  parameters={"length": "1 m", "gravity": 9.0, "amplitude": 0.1,
+    ...                              "mass": 1.0})
+    >>> found.channel, str(found.outcome), found.message
+    ('angle', 'differs', '5.36 x the allowed error')
+    """
+    if reference is None:
+        run = object_run(curves, channels, duration, step, every)
+        if run is None:
+            raise TypeError("arrays need a reference; None is for a model that can be run again")
+        return judge_steps(*run, name)
+    given = prepare(
+        curves,
+        reference,
+        channels=channels,
+        duration=duration,
+        step=step,
+        every=every,
+        parameters=parameters,
+        tolerance=tolerance,
+        why=why,
+        equals=equals,
+        drive=drive,
+        units=units,
+        x=x,
+        model=model,
+        start=start,
+        name=name,
+    )
+    return given.compare(detectable)
+
+
+def object_run(
+    thing: ColumnSource,
+    channels: Mapping[str, ChannelOfObject] | None,
+    duration: float | None,
+    step: float | None,
+    every: int,
+) -> tuple[Engine, Any, ObjectRun] | None:
+    """The engine whose object something is, and the run that is asked for; None for arrays.
+
+    Raises
+    ------
+    InputError
+        What a run needs is missing, or is given with arrays.
+    """
+    asked = {"channels": channels, "duration": duration, "step": step}
+    engines = [] if isinstance(thing, Curves | Mapping) else map(engine_of, engine_names())
+    owner = next((engine for engine in engines if engine.owns(thing)), None)
+    if owner is None:
+        if extra := [key for key, value in asked.items() if value is not None]:
+            raise InputError(GIVEN, extra[0], "it is of a run; leave it out for arrays")
+        return None
+    if missing := [key for key, value in asked.items() if value is None]:
+        raise InputError(GIVEN, missing[0], f"missing: how to run a {type(thing).__name__}")
+    return owner, thing, ObjectRun(float(duration or 0), float(step or 0), channels or {}, every)
+
+
+def prepare(
+    curves: ColumnSource,
+    reference: str | Path,
+    *,
+    channels: Mapping[str, ChannelOfObject] | None = None,
+    duration: float | None = None,
+    step: float | None = None,
+    every: int = 1,
+    **how: Any,
+) -> GivenCurves:
+    """What is given, or the curves of its run, and the case that judges them; see `judge`."""
+    run = object_run(curves, channels, duration, step, every)
+    return given_curves(curves if run is None else run[0].record(*run[1:]), reference, **how)
+
+
+def given_curves(
+    curves: ColumnSource,
+    reference: str | Path,
+    *,
+    parameters: Mapping[str, float | str] | None = None,
+    tolerance: float | str | Mapping[str, float | str] | None = None,
+    why: str = AS_ASKED,
+    equals: Mapping[str, Any] | None = None,
+    drive: Any = None,
+    units: Mapping[str, str] | None = None,
+    x: str | None = None,
+    model: Path | str | None = None,
+    start: str = "start",
+    name: str = "",
+) -> GivenCurves:
+    """Given curves and their case; see `judge` for the arguments and the errors."""
+    stated = {n: one["unit"] for n, one in (equals or {}).items() if is_table(one, "unit")}
+    columns = read_columns(curves, {**stated, **(units or {})}, x)
+    time = columns.pop(X_NAMES[0])
+    require_rising(time)
+    drives = read_drives(drive, columns, time)
+    state = curves.drive if isinstance(curves, Curves) and not drives else state_of(drives, time)
+    bare = bare_case(Path(reference), parameters or {}, time.in_si, model, start, drives, name)
+    found = choose_channels(bare, time.in_si, state, columns, led_columns(drive), equals)
+    case = make_case({**dict(bare), "channels": found}, bare.file)
+    needed = Curves(time.in_si, {one: columns[one].in_si for one in found}, drive=state)
+    require_drive_parts(case, needed, drives)
+    if isinstance(curves, Curves):
+        needed = replace(curves, channels=needed.channels, drive=state)
+    case = case.model_copy(update={"tolerance": read_tolerances(case, needed, tolerance, why)})
+    return GivenCurves(case, needed)
+
+
+def bare_case(
+    reference: Path,
+    parameters: Mapping[str, float | str],
+    times: Array,
+    model: Path | str | None,
+    start: str,
+    drives: DriveParts,
+    name: str,
+) -> Case:
+    """The case of a reference, before its channels are known."""
+    is_file = reference.suffix in (PROGRAM_ENDING, RECORDED_ENDING)
+    file = reference.parent / GIVEN if is_file else GIVEN
+    table: dict[str, Any] = {
+        "title": f"curves against {reference}",
+        "source": "given",
+        "model": str(stub_model() if model is None else os.path.abspath(model)),
+        "start": start,
+        "reference": reference.name if is_file else str(reference),
+        "parameters": dict(parameters),
+        "drive": () if model is None else drive_tables(drives, times),
+        "run": {RUN: run_table(reference, times)},
+        "channels": {"none": {"equals": 0.0, "unit": "1"}},
+        "called": name or reference.stem,
+    }
+    found = make_case(convert_parameters(table, file), file)
+    found.require_model()
+    return found
+
+
+@cache
+def stub_model() -> Path:
+    """An MJCF without anything, for references that read no model."""
+    file = made_models_folder() / "none.xml"
+    file.write_text("<mujoco/>", encoding="utf-8")
+    return file
+
+
+def make_case(table: Mapping[str, Any], file: Path) -> Case:
+    """A case of a table.
+
+    Raises
+    ------
+    InputError
+        A value is wrong.
+    """
+    try:
+        return Case(**{**table, "file": file})
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise InputError(file, key_of_error(first, dict(table)), describe_invalid(first)) from None
+
+
+def run_table(reference: Path, times: Array) -> dict[str, Any]:
+    """The run of a case whose samples are given; a recorded reference has its own number."""
+    recorded = is_recorded(reference.name)
+    own = {} if recorded else {"n": times.size, "until": float(times[-1])}
+    return {"solvers": (GIVEN_SOLVER,), **own}
+
+
+def read_columns(
+    curves: ColumnSource, units: Mapping[str, str], x: str | None
+) -> dict[str, GivenColumn]:
+    """The columns of what was given, by name; that of x is called ``time``.
+
+    Raises
+    ------
+    InputError
+        See `judge`.
+    """
+    arrays, index = named_arrays(curves)
+    found: dict[str, GivenColumn] = {}
+    for header, values in arrays.items():
+        split = HEADER.fullmatch(header)
+        name, unit = (split[1], split[2]) if split and header not in units else (header, "")
+        found[name] = read_column(name, values, units.get(name) or unit or "1")
+    if unknown := [name for name in units if name not in found]:
+        raise missing_column(f"units.{unknown[0]}", unknown[0], found)
+    if x is None:
+        x = next((name for name in X_NAMES if name in found), None)
+        if x is None and index is not None:
+            found[X_NAMES[0]] = read_column(X_NAMES[0], index, "1")
+            x = X_NAMES[0]
+    if x is None or x not in found:
+        raise missing_column("x", x or X_NAMES[0], found)
+    time = found.pop(x)
+    if time.unit != "1" and not same_quantity(time.unit, "s"):
+        raise InputError(GIVEN, x, f"its unit is {time.unit!r}, and it must be a time, such as s")
+    for column in found.values():
+        if column.values.shape != time.values.shape:
+            raise InputError(
+                GIVEN,
+                column.name,
+                f"it has {column.values.size} values, and {x} has {time.values.size}",
+            )
+    return {**found, X_NAMES[0]: time}
+
+
+def named_arrays(curves: ColumnSource) -> tuple[dict[str, Any], Any]:
+    """The arrays of what was given, by name, and the index of a data frame, if it is one."""
+    if isinstance(curves, Curves):
+        return {X_NAMES[0]: curves.x, **curves.channels}, None
+    if isinstance(curves, Mapping):
+        return {str(name): values for name, values in curves.items()}, None
+    names = getattr(curves, "columns", None)
+    if isinstance(names, Iterable):  # a data frame of pandas or polars; neither is loaded here
+        arrays = {str(name): np.asarray(curves[name]) for name in names}
+        return arrays, getattr(curves, "index", None)
+    raise TypeError(
+        f"{type(curves).__name__} has no curves; give Curves, a mapping of names to arrays, or a "
+        "data frame"
+    )
+
+
+def read_column(name: str, values: Any, unit: str) -> GivenColumn:
+    """A column of finite numbers.
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
+    try:
+        si_unit(unit)
+        found = np.asarray(values, float)
+    except (TypeError, ValueError) as error:
+        raise InputError(GIVEN, name, " ".join(str(error).split())) from None
+    if found.ndim != 1:
+        raise InputError(GIVEN, name, f"it must be an array (n,), and has the shape {found.shape}")
+    if found.size < 2:
+        raise InputError(GIVEN, name, f"it has {found.size} values; give two or more")
+    if (bad := np.flatnonzero(~np.isfinite(found))).size:
+        raise InputError(GIVEN, name, f"value {bad[0]} is {found[bad[0]]}, no finite number")
+    return GivenColumn(name, unit, found)
+
+
+def require_rising(time: GivenColumn) -> None:
+    """Raise `InputError` unless times rise."""
+    falls = np.flatnonzero(np.diff(time.values) <= 0)
+    if falls.size:
+        k = int(falls[0])
+        raise InputError(
+            GIVEN,
+            time.name,
+            f"it does not rise: {time.values[k]:.6g} then {time.values[k + 1]:.6g}, values {k} and "
+            f"{k + 1}",
+        )
+
+
+def missing_column(key: str, name: str, there: Mapping[str, GivenColumn]) -> InputError:
+    """The error of a column that is not there."""
+    return InputError(GIVEN, key, f"there is no column {name!r}; {suggest_names(name, there)}")
+
+
+def led_columns(drive: Any) -> set[str]:
+    """The names of the columns with the motion of drives, which are not judged by themselves."""
+    if isinstance(drive, str):
+        return {drive}
+    parts = drive.values() if isinstance(drive, Mapping) else drive
+    if isinstance(parts, (list, tuple)) or isinstance(drive, Mapping):
+        return set().union(*map(led_columns, parts))
+    return set()
+
+
+def read_drives(
+    drive: Any, columns: Mapping[str, GivenColumn], time: GivenColumn
+) -> dict[str, list[Array | None]]:
+    """Value, rate and acceleration of each drive by its joint; None for a part not given [SI]."""
+    if drive is None:
+        return {}
+    if isinstance(drive, Mapping):
+        each = dict(drive)
+    else:
+        several = drive if isinstance(drive, list) else [drive]
+        each = {f"drive {k}" if several[1:] else "drive": one for k, one in enumerate(several)}
+    found: dict[str, list[Array | None]] = {}
+    for joint, one in each.items():
+        parts = one if isinstance(one, tuple) else (one,)
+        if not 1 <= len(parts) <= len(DRIVE_PART_NAMES):
+            raise InputError(GIVEN, f"drive.{joint}", "give (value, rate, acceleration)")
+        keys = DRIVE_PART_NAMES[: len(parts)]
+        known = [
+            read_drive_part(f"drive.{joint}.{key}", part, columns, time)
+            for key, part in zip(keys, parts, strict=True)
+        ]
+        found[joint] = [*known, *[None] * (len(DRIVE_PART_NAMES) - len(known))]
+    return found
+
+
+def read_drive_part(
+    key: str, part: DriveColumn, columns: Mapping[str, GivenColumn], time: GivenColumn
+) -> Array:
+    """A part of the motion of a drive at all times [SI]."""
+    if isinstance(part, str):
+        if part not in columns:
+            raise missing_column(key, part, columns)
+        return columns[part].in_si
+    if np.ndim(part) == 0:
+        part = np.full(time.values.shape, part, float)
+    found = read_column(key, part, "1").values
+    if found.shape != time.values.shape:
+        raise InputError(
+            GIVEN, key, f"it has {found.size} values, and there are {time.values.size} times"
+        )
+    return found
+
+
+def state_of(drives: DriveParts, time: GivenColumn, missing: float = 0.0) -> DriveState | None:
+    """The motion of the drives, with a number in the place of parts that are not given."""
+    if not drives:
+        return None
+    gap = np.full(time.values.shape, missing)
+    value, rate, acceleration = (
+        np.array([gap if parts[k] is None else parts[k] for parts in drives.values()])
+        for k in range(len(DRIVE_PART_NAMES))
+    )
+    return value, rate, acceleration
+
+
+def drive_tables(drives: DriveParts, times: Array) -> tuple[dict[str, Any], ...]:
+    """The tables of drives that follow the given values, for references that read a model."""
+    return tuple(
+        {"joint": joint, "profile": {"time": times.tolist(), "value": parts[0].tolist()}}
+        for joint, parts in drives.items()
+        if parts[0] is not None
+    )
+
+
+def choose_channels(
+    case: Case,
+    times: Array,
+    state: DriveState | None,
+    columns: Mapping[str, GivenColumn],
+    led: set[str],
+    equals: Mapping[str, Any] | None,
+) -> dict[str, dict[str, Any]]:
+    """The tables of the channels that are compared.
+
+    Raises
+    ------
+    InputError
+        A column or a quantity is not there, or no column has the name of a quantity.
+    """
+    known = all_quantities(case, RUN, times, state, dict(case.parameters))
+    if equals is None:
+        equals = {name: name for name in columns if name in known and name not in led}
+        if not equals:
+            raise InputError(
+                case.file,
+                "equals",
+                f"no column has the name of a quantity of {case.reference}; columns: "
+                f"{', '.join(columns) or 'none'}; {suggest_names('', known)}",
+            )
+    found: dict[str, dict[str, Any]] = {}
+    for name, wanted in equals.items():
+        if name not in columns:
+            raise missing_column(f"equals.{name}", name, columns)
+        table = dict(wanted) if isinstance(wanted, Mapping) else {"equals": wanted}
+        quantity = table.get("equals")
+        if isinstance(quantity, str) and quantity not in known:
+            raise case.error(
+                f"equals.{name}",
+                f"{case.reference} has no quantity {quantity!r}; {suggest_names(quantity, known)}",
+            )
+        found[name] = {**table, "unit": unit_of_column(case, columns[name], quantity)}
+    return found
+
+
+def is_table(value: Any, key: str) -> bool:
+    """Whether something is a table with a key."""
+    return isinstance(value, Mapping) and key in value
+
+
+def unit_of_column(case: Case, column: GivenColumn, quantity: Any) -> str:
+    """The unit of a column: its own, that of recorded rows, or that of the model's sensor.
+
+    Raises
+    ------
+    InputError
+        A sensor of its name in the model measures another quantity.
+    """
+    if case.recorded and column.unit == "1" and isinstance(rows := load_reference(case), Recorded):
+        return rows.unit(quantity) if quantity in rows.columns else column.unit
+    if Path(case.model) == stub_model():
+        return column.unit
+    model = compiled_model(case)
+    if column.name.partition(".")[0] not in sensor_names(model):
+        return column.unit
+    delivered = delivered_unit(case, model, column.name) or column.unit
+    if column.unit == "1":
+        return delivered
+    if not same_quantity(column.unit, delivered):
+        raise case.error(
+            column.name,
+            f"its unit {column.unit!r} measures another quantity than the sensor, which delivers "
+            f"{delivered}",
+        )
+    return column.unit
+
+
+def require_drive_parts(case: Case, curves: Curves, drives: DriveParts) -> None:
+    """Raise `InputError` if a compared curve depends on a part of a drive that was not given."""
+    lacking = [
+        (joint, word)
+        for joint, parts in drives.items()
+        for word, part in zip(DRIVE_PART_NAMES, parts, strict=True)
+        if part is None
+    ]
+    if not lacking:
+        return
+    time = GivenColumn("time", "s", curves.x)
+    ways = [
+        evaluate(case, RUN, curves.x, state_of(drives, time, filled)).channels
+        for filled in (0.0, 1.0)
+    ]
+    needing = [n for n in case.channels if not np.array_equal(ways[0][n], ways[1][n])]
+    if needing:
+        joint, word = lacking[0]
+        raise case.error(
+            f"drive.{joint}",
+            f"channel {needing[0]!r} depends on its {word}, which is not given; give (value, rate, "
+            "acceleration)",
+        )
+
+
+def read_tolerances(
+    case: Case,
+    curves: Curves,
+    tolerance: float | str | Mapping[str, float | str] | None,
+    why: str,
+) -> tuple[Tolerance, ...]:
+    """The tolerances of the channels.
+
+    Raises
+    ------
+    InputError
+        One is of no channel, is no number, or is a share of the range of a constant curve.
+    """
+    if tolerance is None:
+        return ()
+    by_name = dict(tolerance) if isinstance(tolerance, Mapping) else {ALL_COLUMNS: tolerance}
+    if ALL_COLUMNS in by_name:
+        by_name = {**dict.fromkeys(case.channels, by_name.pop(ALL_COLUMNS)), **by_name}
+    reference = evaluate(case, RUN, curves.x, curves.drive).channels
+    found = []
+    for name, one in by_name.items():
+        key = f"tolerance.{name}" if isinstance(tolerance, Mapping) else "tolerance"
+        if name not in case.channels:
+            raise case.error(
+                key, f"no such column is compared; {suggest_names(name, case.channels)}"
+            )
+        table: dict[str, Any] = {"channels": (escape(name),), "why": why}
+        if isinstance(one, str):
+            table["abs"] = read_absolute(case, key, one, case.channels[name])
+        else:
+            require_range(case, key, name, reference[name])
+            table["relative_to_range"] = one
+        try:
+            found.append(Tolerance(**table))
+        except ValidationError as error:
+            raise case.error(key, describe_invalid(error.errors()[0])) from None
+    return tuple(found)
+
+
+def read_absolute(case: Case, key: str, text: str, channel: Channel) -> float:
+    """An absolute tolerance in the unit of its channel."""
+    try:
+        if channel.unit == "1":  # the unit of the column was not given
+            words = text.split(maxsplit=1)
+            unit = si_unit(words[1])[0] if words[1:] else "1"
+            return read_quantity(text, unit) if words[1:] else float(text)
+        return read_quantity(text, channel.si_unit) / channel.factor
+    except ValueError as error:
+        raise case.error(key, str(error)) from None
+
+
+def require_range(case: Case, key: str, name: str, reference: Array) -> None:
+    """Raise `InputError` for a share of the range of a curve that is constant."""
+    if np.ptp(reference) < CONSTANT_RANGE * np.abs(reference).max() or not np.ptp(reference):
+        raise case.error(
+            key,
+            f"the reference of {name!r} is constant, so that a share of its range means nothing; "
+            f"give it an absolute one, as in tolerance={{'*': 1e-3, {name!r}: '0.1 mm'}}",
+        )
