@@ -4,6 +4,7 @@ import re
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -11,14 +12,18 @@ from proofmass.base.errors import InputError
 from proofmass.batch.check import check
 from proofmass.commands import new_from_model
 from proofmass.commands.cli import app
-from proofmass.commands.new_from_model import (
+from proofmass.commands.new_from_model import write_proposal
+from proofmass.commands.proposal import joint_range
+from proofmass.commands.proposal.added_sensors import missing_sensors
+from proofmass.commands.proposal.inspection import inspect_model
+from proofmass.commands.proposal.measured_tolerance import (
     describe_far_off,
-    inspect_model,
-    measured_tolerance,
+    measured_tolerances,
     round_up,
-    write_proposal,
 )
+from proofmass.commands.proposal.mutant import flat_tree, try_mutants
 from proofmass.run.sidecar import load_case
+from proofmass.run.solve import solve
 from proofmass.sim.contents import mechanism_dof
 from proofmass.sim.mjcf import compile_model
 from proofmass.verdict.comparison import Comparison
@@ -85,7 +90,7 @@ def test_a_proposed_drive_stays_clear_of_its_limit_position(bare):
     best = look.drive
     assert not best.turns
     begin, end = best.way
-    assert abs(end - begin) < max(best.high - best.start, best.start - best.low)
+    assert abs(end - begin) < abs(best.far_end.value - best.start)
     (sidecar,), messages = write_proposal("mine", bare("double_rocker", keep=True))
     assert check_in_same_worker([sidecar]).exit_code == 0
     assert "90% of its way to a limit" in messages[0]
@@ -136,7 +141,7 @@ def test_a_run_that_an_engine_does_not_cover_is_left_out_with_a_reason(bare):
     )
     (sidecar, *_), messages = write_proposal("mine", model)
     (left_out,) = (line for line in messages if "pymunk cannot run" in line)
-    assert left_out.startswith("dynamics: ")
+    assert left_out.startswith("dynamics, pymunk: left out: ")
     assert "frictionloss of joint 'rocker'" in left_out
     solvers = {kind: run.solvers for kind, run in load_case(sidecar).run.items()}
     assert solvers == {"sweep": ("mujoco", "pymunk"), "dynamics": ("mujoco",)}
@@ -160,7 +165,7 @@ def test_a_spatial_model_is_released_and_agrees(tmp_path):
     assert {"top_place.x", "top_turn.w", "top_rate.z"} <= case.channels.keys()
     assert "planar solver does not cover it: free joint ''" in messages[0]
     assert "6 degrees of freedom" in messages[0]
-    assert any(line.startswith("dynamics: ") and "pymunk" in line for line in messages)
+    assert any(line.startswith("dynamics, pymunk: left out: ") for line in messages)
     assert {c.outcome for c in found.comparisons} == {Outcome.AGREES}
     # the check can fail: the step is too long for a body that turns ten times as fast
     own.write_text(own.read_text().replace("1 2 3", "10 20 30"))
@@ -201,10 +206,9 @@ def test_a_proposed_tolerance_is_at_least_rounding_of_the_range():
     """
     without_error = Comparison("", "", "", "x", "m", error_max=1e-15, error_rms=5e-16, nrmse=5e-19)
     with_error = Comparison("", "", "", "v", "m/s", error_max=1e-3, error_rms=1e-3, nrmse=1e-6)
-    lines = list(measured_tolerance("dynamics", "mujoco", [without_error, with_error]))
-    assert [line for line in lines if line.startswith("abs")] == ["abs = 1e-09", "abs = 0.003"]
-    reasons = [line for line in lines if line.startswith("why")]
-    assert ["at least 1e-12 of the range" in line for line in reasons] == [True, False]
+    found = list(measured_tolerances("dynamics", ("mujoco",), [without_error, with_error]))
+    assert [one.abs for one in found] == [1e-9, 0.003]
+    assert ["at least 1e-12 of the range" in one.why for one in found] == [True, False]
 
 
 def compared(channel: str, error: float, scale: float) -> Comparison:
@@ -225,28 +229,20 @@ def test_a_proposed_tolerance_passes_no_curve_that_does_not_move():
         compared("arm", 0.1, 2.0),
         compared("knob", 1e-3, 0.1),
     )
-    lines = list(measured_tolerance("dynamics", "pymunk", [tip, arm, knob]))
-    assert [line for line in lines if line.startswith(("channels", "abs", "relative"))] == [
-        'channels = ["arm"]',
-        "abs = 0.3",
-        'channels = ["knob"]',
-        "abs = 0.003",
-        'channels = ["tip"]',
-        "relative_to_range = 0.08",
+    found = list(measured_tolerances("dynamics", ("pymunk",), [tip, arm, knob]))
+    assert [(one.channels, one.abs, one.relative_to_range) for one in found] == [
+        (("arm",), 0.3, None),
+        (("knob",), 0.003, None),
+        (("tip",), None, 0.08),
     ]
-    assert "tip by 0.6 of its range" in describe_far_off("dynamics", "pymunk", [tip])
+    assert "tip by 0.6 of its range" in describe_far_off([tip])
 
 
 def test_a_channel_without_an_error_gets_no_tolerance_that_it_would_pass_unmoved():
     """The range of a curve without an error is not known, so that only rounding is allowed."""
     exact = Comparison("", "", "", "exact", "m", error_max=0.0, error_rms=0.0, nrmse=0.0)
-    lines = list(measured_tolerance("sweep", "mujoco", [compared("arm", 0.1, 2.0), exact]))
-    assert [line for line in lines if line.startswith(("channels", "abs"))] == [
-        'channels = ["arm"]',
-        "abs = 0.3",
-        'channels = ["exact"]',
-        "abs = 2e-12",
-    ]
+    found = measured_tolerances("sweep", ("mujoco",), [compared("arm", 0.1, 2.0), exact])
+    assert [(one.channels, one.abs) for one in found] == [(("arm",), 0.3), (("exact",), 2e-12)]
 
 
 PENDULUM = """<mujoco><option gravity="0 0 -9.81"><flag contact="disable"/></option><worldbody>
@@ -300,7 +296,7 @@ def test_an_error_in_a_proposal_names_the_given_model(bare, monkeypatch):
     def fail(name, model, look, sidecar):
         raise InputError(sidecar, "drive", "wrong")
 
-    monkeypatch.setattr(new_from_model, "propose_sidecar", fail)
+    monkeypatch.setattr(new_from_model, "propose_for", fail)
     model = bare("fourbar", keep=True)
     with pytest.raises(InputError) as found:
         write_proposal("mine", model)
@@ -313,10 +309,10 @@ def test_joints_that_can_be_no_better_than_the_best_are_not_driven(bare, monkeyp
 
     def counted(mechanism, names):
         driven.extend(names)
-        return new_from_model_branch(mechanism, names)
+        return branch(mechanism, names)
 
-    new_from_model_branch = new_from_model.Branch
-    monkeypatch.setattr(new_from_model, "Branch", counted)
+    branch = joint_range.Branch
+    monkeypatch.setattr(joint_range, "Branch", counted)
     assert inspect_model(bare("fourbar", keep=True)).drive.joint == "crank"
     assert set(driven) == {"crank"}
 
@@ -403,13 +399,14 @@ def test_a_model_whose_first_key_has_no_name_starts_from_the_next(bare):
     assert inspect_model(model).start == "crossed"
 
 
-def test_a_free_mechanism_with_friction_is_compared_with_its_own_equations(tmp_path):
-    """Neither general solver covers dry friction of a free motion; its own equations do."""
+def test_a_mechanism_that_dry_friction_holds_is_refused_with_its_creep(tmp_path):
+    """The reference stays at rest, while MuJoCo's dry friction creeps."""
     model = tmp_path / "cart.xml"
-    model.write_text(CART_WITH_FRICTION)
-    look = inspect_model(model)
-    assert (look.reference, look.dof) == ("refined", 2)
-    assert "joint 'hinge' has friction" in look.why
+    held = re.sub(r'<joint name="slide"[^/]*/>', "", CART_WITH_FRICTION).replace('"0.02"', '"2"')
+    model.write_text(held)
+    with pytest.raises(InputError, match=r"nothing moves: .*; joint hinge creeps with"):
+        write_proposal("mine", model)
+    assert [file.name for file in tmp_path.iterdir()] == ["cart.xml"]
 
 
 def test_a_model_that_takes_too_long_to_inspect_is_reported(tmp_path, monkeypatch):
@@ -464,3 +461,177 @@ def test_output_is_refused_together_with_from(bare):
 @pytest.mark.parametrize(("value", "up"), [(0.0123, 0.02), (2e-9, 2e-9), (9.5, 10.0), (0.0, 1e-12)])
 def test_proposed_numbers_are_rounded_up(value, up):
     assert round_up(value) == up
+
+
+SERVO_PENDULUM = PENDULUM.replace(
+    "<sensor>", '<actuator><position name="m" joint="hinge" kp="9" kv="1"/></actuator><sensor>'
+).replace("</sensor>", '<actuatorfrc name="moment" actuator="m"/></sensor>')
+
+
+def test_a_servo_is_not_replaced_by_a_drive(tmp_path):
+    """With a motor without a control the same hinge is driven."""
+    model = tmp_path / "servo.xml"
+    model.write_text(SERVO_PENDULUM)
+    look = inspect_model(model)
+    assert (look.drive, look.controlled) == (None, True)
+    assert "let go under the controls of its key for 1 s" in look.describe()
+
+
+TWO_MASSES = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody>
+<body name="rotor"><joint name="rotor" axis="0 0 1" damping=".001"/>
+<inertial pos="0 0 0" mass=".3" diaginertia=".002 .002 .002"/>
+<body name="load"><joint name="flex" axis="0 0 1" stiffness="80" damping=".01"/>
+<inertial pos="0 0 0" mass="1" diaginertia=".02 .02 .02"/></body></body></worldbody>
+<actuator><motor name="tau" joint="rotor" ctrlrange="-5 5"/></actuator>
+<sensor><jointpos name="rotor" joint="rotor"/><jointpos name="flex" joint="flex"/></sensor>
+KEY</mujoco>"""
+"""A rotor that drives a load over a torsion spring, see mujoco#1524."""
+
+
+@pytest.fixture(scope="module")
+def two_masses(tmp_path_factory):
+    """The sidecar that is proposed for two masses on a spring, with a control in the key."""
+    model = tmp_path_factory.mktemp("two") / "two.xml"
+    key = '<keyframe><key name="start" qpos="0 0" ctrl="1"/></keyframe>'
+    model.write_text(TWO_MASSES.replace("KEY", key))
+    (sidecar,), _ = write_proposal("mine", model)
+    return sidecar
+
+
+def test_a_motor_with_a_control_lets_the_spring_oscillate(two_masses):
+    """The resonance is the square root of k (1/I1 + 1/I2)."""
+    case = load_case(two_masses)
+    assert (case.drive, set(case.run)) == ((), {"dynamics"})
+    curves = solve(case, "dynamics", "mujoco")
+    flex = curves.channels["flex"] - curves.channels["flex"].mean()
+    ups = np.flatnonzero((flex[:-1] < 0) & (flex[1:] >= 0))
+    period = (curves.x[ups[-1]] - curves.x[ups[0]]) / (ups.size - 1)
+    assert 2 * np.pi / period == pytest.approx(np.sqrt(80 * (1 / 0.002 + 1 / 0.02)), rel=0.01)
+
+
+def test_a_sidecar_says_which_change_of_the_model_its_check_notices(two_masses):
+    """The named change, made again, makes a curve differ; wider tolerances let all changes pass."""
+    assert re.search(r"tried: load of tau larger by 1 %: [12] of 2 curves", two_masses.read_text())
+    case = load_case(two_masses)
+    asked = "dynamics", "mujoco", ["rotor"], ""
+    assert try_mutants(case, *asked).turned
+    wide = [
+        one.model_copy(update={"abs": None, "relative_to_range": 0.4}) for one in case.tolerance
+    ]
+    found = try_mutants(case.model_copy(update={"tolerance": tuple(wide)}), *asked)
+    assert (found.turned, found.differing) == (False, 0)
+    assert "no curve differs" in found.describe()
+
+
+def test_a_spring_that_stays_at_rest_is_not_compared_with_its_drive(tmp_path):
+    """Without a control nothing but the drive would move, so that nothing is written."""
+    model = tmp_path / "two.xml"
+    model.write_text(TWO_MASSES.replace("KEY", ""))
+    with pytest.raises(InputError, match="nothing but the drive moves"):
+        write_proposal("mine", model)
+    assert [file.name for file in tmp_path.iterdir()] == ["two.xml"]
+
+
+PARALLEL_BARS = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><default>
+<geom type="capsule" size=".1" contype="0" conaffinity="0"/></default><worldbody>
+<body name="crank"><joint name="crank" axis="0 0 1"/><geom fromto="0 0 0 {a} 0 0"/>
+<body name="coupler" pos="{a} 0 0"><joint name="coupler" axis="0 0 1"/>
+<geom fromto="0 0 0 {b} 0 0"/><site name="one" pos="{b} 0 0"/></body></body>
+<body name="rocker" pos="{b} 0 0"><joint name="rocker" axis="0 0 1"/>
+<geom fromto="0 0 0 {a} 0 0"/><site name="two" pos="{a} 0 0"/></body></worldbody>
+<equality><connect site1="one" site2="two"/></equality>
+<sensor><jointpos name="angle" joint="coupler"/></sensor>
+<keyframe><key name="start" qpos="1 -1 1"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize(("a", "b"), [(4, 4), (1, 3)], ids=["square", "parallelogram"])
+def test_a_drive_stops_before_a_change_point_and_names_it(tmp_path, a, b):
+    """The bars are in line at 0 and at pi, of which pi is farther from the start at 1 rad."""
+    model = tmp_path / "bars.xml"
+    model.write_text(PARALLEL_BARS.format(a=a, b=b))
+    look = inspect_model(model)
+    assert look.drive.far_end == (pytest.approx(np.pi, abs=1e-6), True)
+    assert look.drive.way == (pytest.approx(1.0), pytest.approx(1 + 0.9 * (np.pi - 1)))
+    assert "90% of its way to the change point at 3.142 rad" in look.describe()
+
+
+EXPLODING = """<mujoco><option timestep="0.02"/><worldbody>
+<body><joint name="a" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass="2"
+contype="0" conaffinity="0"/></body></worldbody>
+<actuator><position joint="a" kp="100"/><velocity joint="a" kv="9"/></actuator>
+<sensor><jointpos name="a" joint="a"/></sensor>
+<keyframe><key name="start" qpos=".5" ctrl="0 0"/></keyframe></mujoco>"""
+
+
+def test_a_model_that_fails_with_its_own_step_gets_one_with_which_it_runs(tmp_path):
+    """The damping 9 N m s/rad of a servo on 0.06 kg m^2 bears steps up to 2 I/kv = 13 ms."""
+    model = tmp_path / "servo.xml"
+    model.write_text(EXPLODING)
+    (sidecar,), messages = write_proposal("mine", model)
+    case = load_case(sidecar)
+    assert case.run["dynamics"].solvers[:2] == ("mujoco", "mujoco:finer")
+    assert case.settings["mujoco:finer"]["timestep"] in (0.02 / 2**k for k in range(1, 6))
+    assert "mujoco" not in case.settings
+    (failed,) = (line for line in messages if line.startswith("dynamics, mujoco: "))
+    assert "the model's own step is 20 ms: diverged" in failed
+    assert re.search(r"times the largest stable one, 13\.\d ms \(Euler\)", failed)
+    found = check_in_same_worker([sidecar])
+    outcomes = {c.solver: c.outcome for c in found.comparisons}
+    assert outcomes["mujoco"] == Outcome.DIVERGED
+    assert outcomes["mujoco:finer"] == Outcome.AGREES
+
+
+UNUSABLE_MODELS = {
+    "no joint": ("<mujoco><worldbody><body/></worldbody></mujoco>", "it has no joint"),
+    "not a number": (
+        PARALLEL_BARS.format(a=1, b=3).replace('"1 -1 1"', '"nan -1 1"'),
+        "qpos='nan -1 1' is not a number",
+    ),
+    "open": (
+        PARALLEL_BARS.format(a=1, b=3).replace('"1 -1 1"', '"1 0.2 1"'),
+        "is not assembled: loop 'one to two' is open by",
+    ),
+    "no mesh": (
+        '<mujoco><asset><mesh name="m" file="m.stl"/></asset><worldbody><body><joint name="a"/>'
+        '<geom type="mesh" mesh="m"/></body></worldbody></mujoco>',
+        "'m.stl'",
+    ),
+    "at rest": (
+        FALLING_BOX.replace('"0 0 .3" euler="20 10 0"', '"0 0 .1"').replace(".05 1", ".01 1"),
+        "nothing moves: until 1 s no body leaves its start by more than",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "words"), UNUSABLE_MODELS.values(), ids=UNUSABLE_MODELS.keys())
+def test_an_unusable_model_is_refused_in_a_line_and_leaves_no_file(tmp_path, text, words):
+    model = tmp_path / "model.xml"
+    model.write_text(text)
+    found = CliRunner().invoke(app, ["new", "mine", "--from", str(model)])
+    assert found.exit_code == 2
+    assert words in " ".join(found.stderr.split())
+    assert "Traceback" not in found.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["model.xml"]
+
+
+def test_an_included_file_is_part_of_a_changed_model(tmp_path):
+    """The numbers of included files are changed as well; folders are those of the first file."""
+    (tmp_path / "part.xml").write_text("<mujocoinclude>" + BODY_WITH_TIP + "</mujocoinclude>")
+    main = tmp_path / "main.xml"
+    main.write_text(
+        '<mujoco><compiler meshdir="m"/><worldbody><include file="part.xml"/></worldbody></mujoco>'
+    )
+    tree = flat_tree(main)
+    assert [body.get("name") for body in tree.iter("body")] == ["arm"]
+    folders = [one.get("meshdir") for one in tree.iter("compiler") if one.get("meshdir")]
+    assert folders == [str(tmp_path / "m")]
+
+
+BODY_WITH_TIP = '<body name="arm"><joint/><geom size=".1"/></body>'
+
+
+def test_names_with_quotation_marks_are_written_as_they_are(tmp_path):
+    model = tmp_path / "pendulum.xml"
+    model.write_text(PENDULUM.replace('"hinge"', "'a\"b'").replace('name="angle"', ""))
+    sensors = missing_sensors(inspect_model(model))
+    assert sensors[0] == "<jointpos name='a\"b' joint='a\"b'/>"
