@@ -25,6 +25,7 @@ from proofmass.batch.check import Result, family_of
 from proofmass.case.case import Case
 from proofmass.report.changes import CHANGE_FACTOR, Change, changes_of_case, find_changes
 from proofmass.report.families import group_cards, reference_name
+from proofmass.report.model_page import page_name
 from proofmass.report.overview import axis_place
 from proofmass.report.page import case_faults, error_message, report_facts, slug
 from proofmass.report.record import History, Last, Record
@@ -342,7 +343,10 @@ def described_screens(result: Result) -> dict[str, dict[str, Any]]:
         return {}
     from proofmass.formats.screen import screen_data  # loads MuJoCo
 
-    return {name: screen_data(found) for name, found in result.screens.items()}
+    return {
+        name: screen_data(found) | {"page": page_name(name) if found.file else ""}
+        for name, found in result.screens.items()
+    }
 
 
 def poses_of(picture: Thumbnail | Markup | None) -> dict[str, object] | None:

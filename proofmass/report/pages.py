@@ -38,6 +38,7 @@ from proofmass.report.case_page import gather_runs, render_case
 from proofmass.report.data import PlottedRun, drive_units
 from proofmass.report.index_page import STATIC as INDEX_STATIC
 from proofmass.report.index_page import render_index, write_index_files
+from proofmass.report.model_page import model_pages
 from proofmass.report.page import environment, slug, write_static
 from proofmass.report.record import (
     History,
@@ -61,6 +62,7 @@ from proofmass.sim.protocol.curves import drive_columns
 STATIC = (
     *("uPlot.js", "uPlot.css"),
     *("case.css", "case.js", "curves.js", "mechanism.js", "trend.js"),
+    *("model.css", "model.js"),
     *INDEX_STATIC,
 )
 
@@ -240,6 +242,8 @@ class ReportWriter:
             list(pool.map(self.take, rest))
         if self.error is not None:
             raise self.error
+        for name, page in model_pages(environment(), result):
+            write_output(self.folder / name, page)
         record = record or make_record(result, self.made)
         index = self.write_index(result, record)
         write_record(self.folder, record, extend_history(self.before, record))
