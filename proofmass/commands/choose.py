@@ -11,13 +11,15 @@ import typer
 from proofmass.base.errors import InputError
 from proofmass.base.files import OUTPUT_MARK, require_replaceable, write_output
 from proofmass.base.strict import Kind
+from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.batch.check import collect_inputs
 from proofmass.batch.pool import pool
 from proofmass.case.case import Case
 from proofmass.commands.command import error_console, exit_on_error, progress_bar, single_case_error
 from proofmass.commands.studies import load_cases, require_seconds
 from proofmass.commands.trade import has_series, measure_cases
-from proofmass.sim.engines import engine_of
+from proofmass.sim.engines import NATIVE_ENGINE, engine_of
+from proofmass.sim.model_source import ModelSource
 from proofmass.sim.protocol.programs import Imposed
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store, package_versions
@@ -33,6 +35,7 @@ from proofmass.studies.trade.choose import (
 )
 from proofmass.studies.trade.creep import Creep, find_slow_setting
 from proofmass.studies.trade.disturbed import disturb_motions, end_at_horizon
+from proofmass.studies.trade.joint_creep import find_in_model
 from proofmass.studies.trade.program import drive_ways, program_text
 from proofmass.studies.trade.search import (
     COST_RATIO,
@@ -134,11 +137,24 @@ def load_only_case(path: Path) -> Case:
 
 
 def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longest: float) -> None:
-    """Run the command ``proofmass choose --creep``; see `proofmass.studies.trade.creep`."""
+    """Run the command ``proofmass choose --creep``.
+
+    Joints that dry friction should hold come first, see `proofmass.studies.trade.joint_creep`; of a
+    case without such joints the bodies on contacts, see `proofmass.studies.trade.creep`.
+    """
     with exit_on_error("nothing is kept"):
-        case = load_only_case(path)
         if not 0 < wanted < inf:
-            raise ValueError(f"--creep {wanted:g}: give a speed in m/s, such as 1e-6")
+            raise ValueError(f"--creep {wanted:g}: give a speed in m/s or rad/s, such as 1e-6")
+        seconds = require_seconds("--longest", longest)
+        bare = find_bare_model(path)
+        if bare:
+            choose_joint_friction(bare, "start", wanted, output, seconds)
+            return
+        case = load_only_case(path)
+        joints = not case.drive and not case.rod and solver in ("", NATIVE_ENGINE)
+        own = ModelSource(case.model_path)
+        if joints and choose_joint_friction(own, case.start, wanted, output, seconds):
+            return
         if "dynamics" not in case.run or case.drive:
             raise ValueError(
                 f"--creep: {case.name} has no free motion in time, which could come to rest"
@@ -147,9 +163,7 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
         require_writable(case, "dynamics", output)
         solver = solver or case.run["dynamics"].engines[0]
         with error_console.status("running programs"):
-            model, *tried = find_slow_setting(
-                case, solver, wanted, require_seconds("--longest", longest)
-            )
+            model, *tried = find_slow_setting(case, solver, wanted, seconds)
         best = min((model, *tried), key=lambda one: one.rate if one.rate == one.rate else inf)
         lines = [
             f"{case.name}, dynamics: places at rest are to creep with {wanted:g} m/s at most",
@@ -171,6 +185,59 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
         )
         print(output)
         error_console.print(text, markup=False, highlight=False)
+
+
+def find_bare_model(path: Path) -> ModelSource | None:
+    """The model that a path names, if it has no sidecar; None for a sidecar or a folder."""
+    files = collect_inputs([path], []) if path.is_file() else []
+    return ModelSource(files[0]) if [file.suffix == ".toml" for file in files] == [False] else None
+
+
+def choose_joint_friction(
+    source: ModelSource, start: str, wanted: float, output: Path | None, seconds: float
+) -> bool:
+    """Print the friction with which joints creep slowly enough; False if a case has none that do.
+
+    Raises
+    ------
+    InputError
+        A model without a sidecar has no joint that its dry friction would hold, or its runs end.
+    ValueError
+        A program is to be written.
+    """
+    with error_console.status("running the model"):
+        try:
+            own, tried = call_isolated(find_in_model, source, start, wanted, timeout=seconds)
+        except (Crashed, OutOfMemory, TimedOut) as error:
+            raise InputError(source.file, "", f"its runs: {error}") from None
+    if not own.joints:
+        if source.file.with_suffix(".toml").exists():
+            return False
+        raise InputError(
+            source.file,
+            "",
+            "no joint creeps that its dry friction (frictionloss) would hold; for bodies on "
+            "contacts give a case",
+        )
+    if output:
+        raise ValueError(f"-o {output}: joints creep, and their lines are printed; leave it out")
+    good = [one for one in tried if one.fastest <= wanted]
+    lines = [
+        f"{source.file.name}: joints that friction holds are to creep with {wanted:g} rad/s or m/s "
+        "at most",
+        *(f"{one.setting.words}: {one.words}" for one in (own, *tried)),
+    ]
+    if own.fastest > wanted and not good:
+        error_console.print("\n".join(lines), markup=False, highlight=False)
+        raise typer.Exit(1)
+    lines += ["attributes for the elements of these names, in the model:"]
+    comment = "\n".join(fill(line, 92, subsequent_indent="  ") for line in lines)
+    print(engine_of(NATIVE_ENGINE).programs.write_comment(comment.replace("--", "-")))
+    for one in good:
+        if one is not good[0]:
+            print("<!-- or -->")
+        print(*one.setting.lines(one.joints), sep="\n")
+    return True
 
 
 def own_program(case: Case, setting: Setting, drive: Imposed, docstring: str) -> str:

@@ -749,8 +749,8 @@ def choose_command(
     creep: Annotated[
         float | None,
         typer.Option(
-            help="Instead of --error: largest speed in m/s at which bodies that friction holds may "
-            "creep.",
+            help="Instead of --error: largest speed in m/s or rad/s at which joints and bodies "
+            "that friction holds may creep.",
             metavar="SPEED",
         ),
     ] = None,
@@ -801,9 +801,10 @@ def choose_command(
     of its own, without proofmass, and from a shifted start, and neither error may be larger than
     the given one.  The program is written with -o; without -o the lines of the setting are printed.
 
-    With --creep a motion that ends at rest is run as a program, and a setting is proposed with
-    which contacts creep no faster than the given speed.  --of, --drive, --store and --budget are
-    not used.
+    With --creep the friction is proposed with which joints creep no faster than the given speed
+    that their dry friction would hold; the model is enough.  Of a case without such joints a motion
+    that ends at rest is run as a program, and a setting is proposed with which contacts creep no
+    faster.  --of, --drive, --store and --budget are not used.
 
     Exit code 0: found; 1: no setting is good enough; 2: bad input.
     """

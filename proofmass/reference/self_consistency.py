@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from proofmass.base.arrays import Array
 from proofmass.base.wording import format_list, number
-from proofmass.sim.protocol.own_equations import OwnMotion, OwnRun, UntriedWay
+from proofmass.sim.protocol.own_equations import STIFFENING_FACTOR, OwnMotion, OwnRun, UntriedWay
 
 Bools = NDArray[np.bool_]
 PROCESSOR_SECONDS = 36.0
@@ -59,7 +59,8 @@ MAX_ORDER = 2.1
 rest; errors that fall faster show that the coarser steps led to another motion.  RK4 is of fourth
 order without contacts; in that case `close` and `disturbed` decide."""
 OPEN_SHARE = 1e-3
-"""Largest opening of a loop in the start pose, as a share of the size, that is rounding."""
+"""Largest opening of a loop in the start pose that is rounding: a share of the size [1], or an
+angle [rad]."""
 ROUNDING_SHARE = 1e-9
 """Share of the size below which a difference need not fall any more."""
 CHAOTIC_GROWTH = 1e3
@@ -280,7 +281,7 @@ class Rung:
 
     @property
     def softness(self) -> float:
-        """The distance that stiffer contacts and loops cause until T [m]; NaN if there are none."""
+        """The distance that stiffer constraints cause until T [m]; NaN if there are none."""
         if self.motion.stiffer is None:
             return nan
         found = self.apart(self.motion.stiffer, self.motion.runs[self.motion.compared])
@@ -343,23 +344,24 @@ class Rung:
             if error > known
             else f"off by no more than {format_length(known)}, to which it is known,"
         )
+        if self.softness > max(error, known):
+            off = (
+                f"contacts, loops, limits and dry friction {STIFFENING_FACTOR:g} × as stiff move "
+                f"it by {format_length(self.softness)}: their softness matters more than the step, "
+                f"with which it is {off}"
+            )
         yield f"until {number(self.until)} s{end}, {off} as it is ({own.name})."
-        if (opened := float(own.gap[0])) > OPEN_SHARE * self.motion.extent:
+        scale = 1.0 if own.opening_unit == "rad" else self.motion.extent
+        if (opened := float(own.gap[0])) > OPEN_SHARE * scale:
             yield (
-                f"Its loops are open by {number(opened, 2)} m or rad at the start: they close by a "
-                "jerk, unless the start pose is mended."
+                f"Its loops are open by {number(opened)} {own.opening_unit} at the start: they "
+                "close by a jerk, unless the start pose is mended."
             )
         evidence = format_list(self.evidence())
         yield f"{evidence[0].upper()}{evidence[1:]}."
         if error > known and (way := self.better()):
             cost = "" if isnan(way.times) else f" in {number(way.times, 2)} × the evaluations"
             yield f"{way.name}: {format_length(way.error)}{cost}."
-        if self.softness > max(error, known):
-            moved = format_length(self.softness)
-            yield (
-                f"Contacts, loops and limits 4 × as stiff move it by {moved}: "
-                "their softness matters more than the step."
-            )
         if not self.whole_run:
             yield f"Then {self.why()}; {self.describe_end()}."
 

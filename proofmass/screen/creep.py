@@ -22,8 +22,8 @@ from proofmass.base.arrays import Array, Index
 from proofmass.base.wording import number
 from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
 from proofmass.screen.linear import LinearMotion
-from proofmass.screen.pose import HINGE, RANK_SHARE, SLIDE, coordinate_unit
-from proofmass.screen.short_run import run_as_it_is, steps_of_run
+from proofmass.screen.pose import HINGE, RANK_SHARE, SLIDE, RestPose, coordinate_unit
+from proofmass.screen.short_run import run_as_it_is, start_of, steps_of_run
 
 FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 AT_STOP = 0.01
@@ -37,7 +37,8 @@ STIFF_IMPEDANCE = float(mujoco.mjMAXIMP)
 WORTHWHILE_SLOWNESS = 2.0
 """How much slower a proposed impedance has to make a joint [1]."""
 CONFIRMED_SHARE = 0.5
-"""Share of the predicted motion that a run must show: a joint on its stop shows none of it."""
+"""Share of the predicted motion, or of the speed at its end, that a run must show: a joint on its
+stop shows none, and a nut whose soft thread gives way first loads its screw late."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,10 @@ class CreepingJoint:
         [rad/s or m/s]
     load, friction : float
         The load that friction has to hold, and its limit [N m or N].
+    unit : str
+        That of its coordinate, rad or m.
+    coupled : tuple of int
+        The coordinates that inertia or loops couple with it, and its own: friction holds them all.
     """
 
     joint: NamedElement
@@ -59,10 +64,43 @@ class CreepingJoint:
     speed: float
     load: float
     friction: float
+    unit: str
+    coupled: tuple[int, ...] = ()
+
+    def format(self, speed: float) -> str:
+        """A speed of the joint as text, of a hinge in degrees as well.
+
+        >>> joint = CreepingJoint(NamedElement("joint", "j"), 0, 0.0612, 6.13, 8.0, "rad")
+        >>> joint.format(0.0612)
+        '0.0612 rad/s (3.51°/s)'
+        """
+        degrees = f" ({number(abs(float(np.degrees(speed))))}°/s)" if self.unit == "rad" else ""
+        return f"{number(abs(speed))} {self.unit}/s{degrees}"
+
+
+def creeping_joints(
+    model: mujoco.MjModel, key: int, told: float = LEAST_CREEP
+) -> list[CreepingJoint]:
+    """The joints that creep from the start of a model, with speeds above `told` [rad/s or m/s].
+
+    Parameters
+    ----------
+    model : MjModel
+    key : int
+        The number of the key from which it starts; -1 for its initial pose.
+    told : float
+        Least speed [rad/s or m/s].
+    """
+    if not model.dof_frictionloss.any():
+        return []
+    start = start_of(model, key)
+    pose = RestPose(model, start.qpos, start.ctrl, start.act)
+    pose.close()
+    return list(find_creep(model, start, LinearMotion(pose), told))
 
 
 def find_creep(
-    model: mujoco.MjModel, data: mujoco.MjData, motion: LinearMotion
+    model: mujoco.MjModel, data: mujoco.MjData, motion: LinearMotion, told: float = LEAST_CREEP
 ) -> Iterator[CreepingJoint]:
     """The joints that creep from the start state `data`, in which all constraints are known."""
     rows = np.flatnonzero(np.array(data.efc_type[: data.nefc]) == FRICTION)
@@ -79,13 +117,15 @@ def find_creep(
         if speeds is None or slips(model, rubbing, viscosity[rubbing] * speeds):
             continue
         for k, speed in zip(rubbing, speeds, strict=True):
-            if abs(speed) > LEAST_CREEP and not is_at_stop(model, pose.qpos, int(k), float(speed)):
+            if abs(speed) > told and not is_at_stop(model, pose.qpos, int(k), float(speed)):
                 yield CreepingJoint(
                     pose.joint_of(int(k)),
                     int(k),
                     float(speed),
                     float(viscosity[k] * speed),
                     float(model.dof_frictionloss[k]),
+                    coordinate_unit(model, int(k)),
+                    tuple(group.tolist()),
                 )
 
 
@@ -143,14 +183,14 @@ def judge_creep(
         return
     data, moved = run_as_it_is(model, key, steps_of_run(model.opt.timestep))
     for creep in found:
-        if moved[creep.coordinate] / (creep.speed * data.time) < CONFIRMED_SHARE:
+        way, late = moved[creep.coordinate] / data.time, data.qvel[creep.coordinate]
+        if max(way / creep.speed, late / creep.speed) < CONFIRMED_SHARE:
             continue
-        unit = coordinate_unit(model, creep.coordinate)
-        force = "N m" if unit == "rad" else "N"
+        force = "N m" if creep.unit == "rad" else "N"
         yield ModelFinding(
             FindingKind.CREEP,
             Severity.FAULT if abs(creep.speed) > SEEN_CREEP else Severity.NOTE,
-            f"{creep.joint} creeps with {number(abs(creep.speed))} {unit}/s, though its friction "
+            f"{creep.joint} creeps with {creep.format(creep.speed)}, though its friction "
             f"of {number(creep.friction)} {force} would hold its load of "
             f"{number(abs(creep.load))} {force}: MuJoCo's dry friction is soft",
             propose_stiffer(model, creep),

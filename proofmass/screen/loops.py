@@ -2,54 +2,27 @@
 
 from collections.abc import Iterator
 
-import mujoco
 import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.base.wording import number
-from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
-from proofmass.screen.mobility import CLOSURES, equality_element
+from proofmass.screen.finding import FindingKind, ModelFinding, Severity
+from proofmass.screen.mobility import equality_element
 from proofmass.screen.pose import RestPose, coordinate_unit
+from proofmass.sim.openings import find_openings
 
 TOLD_OPENING_SHARE, TOLD_OPENING_ANGLE = 1e-4, 1e-3
 """Opening of a loop that is noticed: a share of the model's extent [1], and an angle [rad]."""
 LEFT_SHARE = 1e-6
 """Residual, as a share of the extent, with which loops cannot be closed."""
-TORQUE_SCALE = 10
-"""Place of a weld's torque scale among the numbers of an equality."""
-
-
-def openings(pose: RestPose) -> Iterator[tuple[NamedElement, float, str]]:
-    """The opening of each active equality in a pose, and its unit, m or rad.
-
-    The place of a connect or weld is open by a distance.  A weld is also open by an angle, which is
-    2 asin(r / s) for the length r of its last three residuals and its torque scale s.
-    """
-    model, constraints = pose.model, pose.constraints
-    for e in np.unique(constraints.equalities):
-        rows = np.abs(constraints.residuals[constraints.equalities == e])
-        element = equality_element(pose, int(e))
-        if int(model.eq_type[e]) not in CLOSURES:
-            yield element, float(rows.max()), unit_of_coupling(model, int(e))
-            continue
-        yield element, float(np.linalg.norm(rows[:3])), "m"
-        if rows.size > 3:
-            share = np.linalg.norm(rows[3:]) / max(model.eq_data[e][TORQUE_SCALE], 1e-9)
-            yield element, float(2.0 * np.arcsin(min(1.0, share))), "rad"
-
-
-def unit_of_coupling(model: mujoco.MjModel, equality: int) -> str:
-    """The unit of the residual of an equality between joints or tendons, m or rad."""
-    on_joint = model.eq_objtype[equality] == mujoco.mjtObj.mjOBJ_JOINT
-    joint = model.eq_obj1id[equality]
-    hinge = on_joint and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
-    return "rad" if hinge else "m"
 
 
 def judge_openings(pose: RestPose) -> Iterator[ModelFinding]:
     """The loops that are open in the pose of the file."""
     extent = pose.model.stat.extent
-    for element, opening, unit in openings(pose):
+    constraints = pose.constraints
+    for one in find_openings(pose.model, constraints.residuals, constraints.equalities):
+        element, opening, unit = equality_element(pose, one.equality), one.size, one.unit
         if opening > (TOLD_OPENING_SHARE * extent if unit == "m" else TOLD_OPENING_ANGLE):
             yield ModelFinding(
                 FindingKind.OPEN_LOOP,

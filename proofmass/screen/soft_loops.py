@@ -19,6 +19,8 @@ from proofmass.sim.mjcf import failure_warning
 
 GIVEN_SHARE = 1e-3
 """Share of the model's extent by which a loop gives way that is told."""
+UNCLOSED_SHARE = 0.5
+"""Share of the model's extent by which a loop gives way that does not close it any more."""
 SEEN_SHARE = 0.5
 """Least opening in a run, as a share of the computed one: loads change while a model moves."""
 STOP_ITERATIONS = 20
@@ -64,7 +66,7 @@ def judge_soft_loops(
     where = "under the load of the start" if rest is None else "where the model comes to rest"
     yield ModelFinding(
         FindingKind.SOFT_LOOP,
-        Severity.WARNING,
+        Severity.FAULT if found.opening > UNCLOSED_SHARE * model.stat.extent else Severity.WARNING,
         f"{element} gives way by {number(found.opening)} {opening_unit(model, found.equality)} "
         f"{where}: MuJoCo's loops are soft",
         f'solref="{2.0 * model.opt.timestep:.2g} 1" on it, or a shorter step',

@@ -96,6 +96,9 @@ def test_loops_that_are_open_at_the_start_are_reported():
     own = motion.runs[0]
     opened = replace(motion, runs=(replace(own, gap=0 * TIMES + 0.9), *motion.runs[1:]))
     assert "Its loops are open by 0.9 m or rad at the start" in Rung(opened).words()
+    angle = replace(own, gap=0 * TIMES + 1.5e-3, opening_unit="rad")  # its size is 2 m
+    turned = Rung(replace(motion, runs=(angle, *motion.runs[1:])))
+    assert "Its loops are open by 1.5e-3 rad at the start" in turned.words()
     closed = replace(motion, runs=(replace(own, gap=0 * TIMES + 1e-5), *motion.runs[1:]))
     assert "open" not in Rung(closed).words()
 

@@ -202,7 +202,8 @@ def test_a_ball_joint_that_creeps_is_told_in_radians():
     text = BRAKE.format(friction=20, more="").replace('axis="0 1 0"', 'type="ball"')
     text = text.replace('size=".001"', 'size=".5"')  # a point would turn freely about its arm
     [found] = finding_of(mujoco.MjModel.from_xml_string(text), FindingKind.CREEP)
-    assert "rad/s, though its friction of 20 N m would hold its load of 9.81 N m" in found.text
+    words = "rad/s (2.34°/s), though its friction of 20 N m would hold its load of 9.81 N m"
+    assert words in found.text
 
 
 def test_the_creep_of_one_joint_is_that_of_the_formula_and_of_bare_mujoco():

@@ -53,9 +53,11 @@ from proofmass.sim.mujoco.sensors import (
 )
 from proofmass.sim.mujoco.settings import mjcf_text
 from proofmass.sim.mujoco.work import StepWork
+from proofmass.sim.openings import largest_opening_of
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import NotSolved
 from proofmass.sim.protocol.own_equations import (
+    STIFFENING_FACTOR,
     ChooseWays,
     OwnEquations,
     OwnMotion,
@@ -90,8 +92,19 @@ TRIED_INTEGRATORS = (
     mujoco.mjtIntegrator.mjINT_RK4,
 )
 """Integrators that are tried beside the model's own."""
-STIFFENING_FACTOR = 4.0
-"""Divisor of the time constants of contacts, loops and limits."""
+SOFTENED = (
+    "geom_solref",
+    "pair_solref",
+    "eq_solref",
+    "jnt_solref",
+    "tendon_solref_lim",
+    "dof_solref",
+    "tendon_solref_fri",
+)
+"""Arrays of the time constants of contacts, loops, limits and dry friction."""
+RUBBING = "dof_solimp", "tendon_solimp_fri"
+"""Arrays of the impedances of dry friction, whose share that gives way is divided as well: creep is
+proportional to it, and ``refsafe`` may leave the time constant as it is."""
 MAX_BODIES_OF_THREE_POINTS = 60
 """Largest number of bodies of which three points each are recorded; of more, one point each."""
 TIME_SHARES = {"steps": 0.4, "close": 0.25, "rough": 0.1, "disturbed": 0.1, "others": 0.15}
@@ -146,6 +159,7 @@ class MotionRecord:
     energy: list[float] = field(default_factory=list)
     depth: list[float] = field(default_factory=list)
     gap: list[float] = field(default_factory=list)
+    opening_unit: str = ""
 
     def sample(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Record the present state, with the contacts and the loops of the last forward pass.
@@ -163,11 +177,12 @@ class MotionRecord:
         row = self.points(data)
         if not np.isfinite(row).all():
             raise FloatingPointError("not finite")
-        loops = data.efc_pos[: data.ne]
+        opening = largest_opening_of(model, data)
+        self.opening_unit = self.opening_unit or opening.unit
         self.rows.append(row)
         self.energy.append(float(data.energy.sum()) - self.inputs.energy(data))
         self.depth.append(max(0.0, -float(data.contact.dist.min(initial=0.0))))
-        self.gap.append(float(np.abs(loops).max(initial=0.0)))
+        self.gap.append(opening.size)
 
     def run(
         self,
@@ -190,6 +205,7 @@ class MotionRecord:
             isinstance(stopped, OutOfTime),
             budget.work,
             evaluations,
+            self.opening_unit,
         )
 
 
@@ -362,7 +378,8 @@ def solve_in_several_ways(
     parts = 2 ** (begin + k)
     other = stepped("disturbed", parts, limit["disturbed"], n, POSE_DISTURBANCE)
     stiffer = None
-    if runs[k].depth.any() or model.neq or model.jnt_limited.any():
+    rubs = model.dof_frictionloss.any() or model.tendon_frictionloss.any()
+    if runs[k].depth.any() or model.neq or model.jnt_limited.any() or rubs:
         stiffer = stepped("stiffer", parts, limit["others"], n, stiffer=STIFFENING_FACTOR)
     motion = OwnMotion(
         times,
@@ -429,7 +446,10 @@ def copy_with_changes(
     integrator: mujoco.mjtIntegrator | None = None,
     stiffer: float = 1.0,
 ) -> mujoco.MjModel:
-    """A copy with another step [s], another integrator, and time constants divided by `stiffer`."""
+    """A copy with another step [s], another integrator, and constraints that are stiffer.
+
+    Their time constants are divided by `stiffer`, and the share of dry friction that gives way.
+    """
     changed = copy.copy(model)
     if step != model.opt.timestep:
         disable_sleep(changed)
@@ -437,10 +457,13 @@ def copy_with_changes(
     if integrator is not None:
         changed.opt.integrator = integrator
     if stiffer != 1.0:
-        for name in ("geom_solref", "eq_solref", "jnt_solref", "tendon_solref_lim"):
+        for name in SOFTENED:
             soft = getattr(changed, name)
             soft[:, 0] = np.where(soft[:, 0] > 0, soft[:, 0] / stiffer, soft[:, 0] * stiffer**2)
             soft[:, 1] = np.where(soft[:, 0] > 0, soft[:, 1], soft[:, 1] * stiffer)
+        for name in RUBBING:
+            impedance = getattr(changed, name)[:, :2]
+            impedance[:] = 1.0 - (1.0 - impedance) / stiffer
     return changed
 
 

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from mujoco import MjModel
 
 
+STIFFENING_FACTOR = 4.0
+"""How many times as stiff the constraints are in the run that shows their softness [1]."""
+
+
 @dataclass(frozen=True)
 class OwnRun:
     """One way to solve the motion of a model by itself.
@@ -31,7 +35,7 @@ class OwnRun:
         Points of each body [m]; fewer samples if the run ended early.
     energy, depth, gap : ndarray (samples,)
         Kinetic energy and potential energy of gravity and springs [J], the deepest penetration of a
-        contact [m], and the largest constraint violation of a loop [m or rad].
+        contact [m], and the largest opening of a loop [m or rad].
     stopped, late : str, bool
         Why the run ended early, and whether its processor time was over.
     work : float
@@ -40,6 +44,8 @@ class OwnRun:
     evaluations : float
         Evaluations of the dynamics in a second of the motion, as `UntriedWay` counts them [1/s];
         NaN if the engine does not count them.
+    opening_unit : str
+        That of the largest opening at the start.
     """
 
     name: str
@@ -53,6 +59,7 @@ class OwnRun:
     late: bool = False
     work: float = nan
     evaluations: float = nan
+    opening_unit: str = "m or rad"
 
     @property
     def is_failure(self) -> bool:
@@ -102,7 +109,8 @@ class OwnMotion:
     others : tuple of OwnRun
         Runs with other settings, and with the model's own step or finer ones.
     stiffer : OwnRun or None
-        Run with stiffer contacts, loops and limits; None if there are none.
+        Run with contacts, loops, limits and dry friction that are `STIFFENING_FACTOR` times as
+        stiff; None if there are none.
     dof : int
         Degrees of freedom of the model without its loops.
     disturbance : float

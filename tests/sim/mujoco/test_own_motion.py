@@ -2,6 +2,7 @@
 
 import re
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import mujoco
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.reference.self_consistency import why_failed
+from proofmass.reference.self_consistency import Rung, why_failed
+from proofmass.screen.screen import screen_model
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import ENGINE, simulate
 from proofmass.sim.mujoco.own_motion import (
@@ -222,6 +224,35 @@ def test_a_model_that_fails_is_solved_from_the_first_halving_that_does_not(
         assert f"; with Euler, {1e3 * step / 2**halvings:.4g} ms it comes" in why_failed(motion)
     else:
         assert not why_failed(motion)
+
+
+OPEN_WELD = """<mujoco><option gravity="0 0 0"/><worldbody><body name="a"><joint axis="0 1 0"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -1" size=".1"/></body></worldbody>
+  <equality><weld body1="a" body2="world" torquescale="2"/></equality>
+  <keyframe><key qpos="0.988"/></keyframe></mujoco>"""
+
+
+def test_a_weld_is_open_by_its_angle(tmp_path):
+    """The first screen says the same angle: one measure for both."""
+    own = solved_motion(tmp_path, OPEN_WELD).runs[0]
+    assert (own.gap[0], own.opening_unit) == (pytest.approx(0.988, abs=1e-9), "rad")
+    [found, *_] = screen_model(tmp_path / "model.xml").findings
+    assert found.value == pytest.approx(own.gap[0])
+
+
+HELD_ARM = Path(__file__).parents[2] / "data" / "screen" / "hold565.xml"
+
+
+def test_stiffer_friction_shows_how_far_joints_creep(tmp_path):
+    """With a quarter of the time constant, and a quarter of what the impedance lets give way."""
+    motion = solved_motion(tmp_path, HELD_ARM.read_text())
+    creep = np.abs(motion.runs[motion.compared].points - motion.close.points[:1]).max()
+    left = np.abs(motion.stiffer.points - motion.close.points[:1]).max()
+    # the speed is (1 - d) / d D T: 0.1 T becomes 0.025 T / 4
+    assert left / creep == pytest.approx(1 / 16, rel=0.05)
+    words = Rung(motion).words()
+    assert words.startswith("until 1 s, its end, contacts, loops, limits and dry friction 4 × as")
+    assert "their softness matters more than the step, with which it is off by" in words
 
 
 def test_work_grows_with_all_that_costs_time():

@@ -97,8 +97,8 @@ def test_an_engine_that_does_not_creep_keeps_its_settings():
     [
         ((shipped("pendulum.toml"), "--creep", 1e-6), "no place is at rest in the last tenth"),
         ((shipped("fourbar.toml"), "--creep", 1e-6), "no free motion in time"),
-        ((STICKING_BLOCK, "--creep", 0), "give a speed in m/s, such as 1e-6"),
-        ((STICKING_BLOCK, "--creep", "nan"), "give a speed in m/s, such as 1e-6"),
+        ((STICKING_BLOCK, "--creep", 0), "give a speed in m/s or rad/s, such as 1e-6"),
+        ((STICKING_BLOCK, "--creep", "nan"), "give a speed in m/s or rad/s, such as 1e-6"),
         (
             (STICKING_BLOCK, "--creep", 1e-6, "--solver", "bullet"),
             "block_sticks runs in mujoco, pymunk",
