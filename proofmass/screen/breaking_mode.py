@@ -10,7 +10,7 @@ from proofmass.base.wording import number
 from proofmass.screen.finding import NamedElement
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.stable_step import StepLimit, StepMatrices
-from proofmass.sim.dense import moment_arms
+from proofmass.sim.dense import moment_arms, outputs_of
 
 RIGID_SHARE = 1e-3
 """Angular frequency over the rate of decay below which a mode is told by its decay alone [1]."""
@@ -127,7 +127,7 @@ def find_shares(
     half, quarter = limit.step / 2.0, limit.step**2 / 4.0
     explicit = explicit_damping(steps, limit.integrator)
     if limit.integrator == "discrete":  # it is implicit in springs and servos
-        stiff, damped = np.zeros((2, pose.model.nu))
+        stiff, damped = np.zeros((2, len(stiff)))
         weight = motion.stiffness - steps.implicit_stiffness
         yield Share(WEIGHT, None, quarter * float(shape @ weight @ shape))
     else:
@@ -135,11 +135,11 @@ def find_shares(
     yield Share(SOFTNESS, None, quarter * softness)
     if explicit is not None:
         yield Share(DAMPING, None, half * float(shape @ explicit @ shape - damped.sum()))
-    for a in range(pose.model.nu):
-        actuator = pose.element("actuator", a)
-        yield Share("stiffness", actuator, quarter * float(stiff[a]))
+    for a in range(pose.model.nactuator):
+        actuator, own = pose.element("actuator", a), outputs_of(pose.model, a)
+        yield Share("stiffness", actuator, quarter * float(stiff[own].sum()))
         if explicit is not None:
-            yield Share("damping", actuator, half * float(damped[a]))
+            yield Share("damping", actuator, half * float(damped[own].sum()))
 
 
 def explicit_damping(steps: StepMatrices, integrator: str) -> Array | None:
@@ -152,7 +152,7 @@ def explicit_damping(steps: StepMatrices, integrator: str) -> Array | None:
 
 
 def actuator_parts(motion: LinearMotion, shape: Array) -> tuple[Array, Array]:
-    """The stiffness and the damping (actuators,) that actuators add to a mode of a real shape."""
+    """The stiffness and the damping (outputs,) that actuators add to a mode of a real shape."""
     pose = motion.pose
     pose.enter(pose.qpos)
     arms = moment_arms(pose.model, pose.data)

@@ -89,21 +89,22 @@ def is_servo(model: mujoco.MjModel, actuator: int) -> bool:
     on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
     return bool(
         on_joint
+        and model.actuator_outnum[actuator] == model.actuator_ctrlnum[actuator] == 1
         and model.jnt_type[model.actuator_trnid[actuator][0]] in (HINGE, SLIDE)
         and model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
         and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
         and model.actuator_biasprm[actuator][1] < 0.0
-        and model.actuator_gear[actuator][0]
+        and model.actuator_gear[model.actuator_outadr[actuator]][0]
     )
 
 
 def resting_servos(model: mujoco.MjModel, rest: RestPose) -> list[RestingServo]:
     """The servos of a model in its rest pose, but for joints that dry friction may hold."""
     found = []
-    for a in filter(lambda a: is_servo(model, a), range(model.nu)):
-        gear, joint = float(model.actuator_gear[a][0]), int(model.actuator_trnid[a][0])
-        coordinate = int(model.jnt_dofadr[joint])
-        force = float(rest.data.actuator_force[a])
+    for a in filter(lambda a: is_servo(model, a), range(model.nactuator)):
+        output, joint = int(model.actuator_outadr[a]), int(model.actuator_trnid[a][0])
+        gear, coordinate = float(model.actuator_gear[output][0]), int(model.jnt_dofadr[joint])
+        force = float(rest.data.actuator_force[output])
         gain = -float(model.actuator_biasprm[a][1])
         if abs(force * gear) < model.dof_frictionloss[coordinate]:
             continue
@@ -140,7 +141,7 @@ def holding_controls(pose: RestPose) -> str:
     gains = gains * model.actuator_gainprm[:, 0]
     if np.abs(left).max(initial=0.0) > SOLVED * max(np.abs(load).max(initial=0.0), 1e-300):
         return ""
-    if not gains.all() or model.na:
+    if not gains.all() or model.na or not len(gains) == len(forces) == model.nu:
         return ""
     biases = model.actuator_biasprm[:, 0] + model.actuator_biasprm[:, 1] * data.actuator_length
     controls = (forces - biases) / gains

@@ -12,8 +12,9 @@ from proofmass.base.wording import number
 from proofmass.screen.finding import FindingKind, ModelFinding, Severity
 from proofmass.screen.linear import LinearMotion
 from proofmass.screen.mobility import equality_element
-from proofmass.screen.pose import HINGE, SLIDE, RestPose, coordinate_unit, named_element
+from proofmass.screen.pose import RestPose, coordinate_unit, named_element
 from proofmass.screen.rest import loop_multipliers, state_at
+from proofmass.screen.servos import is_servo
 from proofmass.screen.short_run import start_of, steps_of_run
 from proofmass.sim.mjcf import failure_warning
 
@@ -132,16 +133,13 @@ def judge_stops(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFin
     At rest the servo's force g^2 kp (over - r) equals that of the soft stop, which `stop_stiffness`
     gives.
     """
-    for a in range(model.nu):
-        j, gear = int(model.actuator_trnid[a][0]), float(model.actuator_gear[a][0])
-        gain = -float(model.actuator_biasprm[a][1])
-        is_servo = model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE and gain > 0.0
-        on_joint = model.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_JOINT
-        if not (is_servo and on_joint and gear and model.jnt_limited[j]):
+    for a in filter(lambda a: is_servo(model, a), range(model.nactuator)):
+        j, gain = int(model.actuator_trnid[a][0]), -float(model.actuator_biasprm[a][1])
+        gear = float(model.actuator_gear[model.actuator_outadr[a]][0])
+        if not model.jnt_limited[j] or model.jnt_solref[j][0] <= 0.0:
             continue
-        if model.jnt_type[j] not in (HINGE, SLIDE) or model.jnt_solref[j][0] <= 0.0:
-            continue
-        push = model.actuator_gainprm[a][0] * data.ctrl[a] + model.actuator_biasprm[a][0]
+        control = float(data.ctrl[model.actuator_ctrladr[a]])
+        push = float(model.actuator_gainprm[a][0]) * control + float(model.actuator_biasprm[a][0])
         target, (low, high) = push / gain / gear, model.jnt_range[j]
         over = float(max(low - target, target - high))
         if over <= PAST_RANGE:

@@ -8,7 +8,7 @@ import numpy as np
 from proofmass.base.wording import format_count, format_list, number
 from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
 from proofmass.screen.pose import HINGE, SLIDE, coordinate_unit, named_element
-from proofmass.sim.dense import moment_arms
+from proofmass.sim.dense import moment_arms, outputs_of
 
 OUTSIDE_RANGE = 1e-6
 """Distance of a joint from its range that is told [rad or m]."""
@@ -155,26 +155,41 @@ def separate(model: mujoco.MjModel, contact: "mujoco._structs.MjContact") -> str
 
 
 def judge_actuators(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
-    """Actuators that move nothing."""
+    """Actuators that move nothing, those with the same cause together."""
     arms = moment_arms(model, data)
-    for a in range(model.nu):
-        actuator = named_element(model, "actuator", a)
+    idle: dict[str, list[NamedElement]] = {}
+    for a in range(model.nactuator):
         no_gain = (
             model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
             and not model.actuator_gainprm[a][:3].any()
             and not model.actuator_biasprm[a][:3].any()
         )
-        if np.abs(arms[a]).max(initial=0.0) < NO_ARM:
-            yield without_effect(actuator, "it has no arm at the start")
-        elif no_gain:
-            yield without_effect(actuator, "its gain is 0")
+        no_arm = np.abs(arms[outputs_of(model, a)]).max(initial=0.0) < NO_ARM
+        if why := "no arm at the start" if no_arm else "a gain of 0" if no_gain else "":
+            idle.setdefault(why, []).append(named_element(model, "actuator", a))
+    for why, actuators in idle.items():
+        yield ModelFinding(
+            FindingKind.ACTUATOR,
+            Severity.NOTE,
+            f"{format_names('actuator', actuators)} with {why} "
+            f"{'moves' if len(actuators) == 1 else 'move'} nothing",
+            element=actuators[0],
+            value=float(len(actuators)),
+        )
 
 
-def without_effect(actuator: NamedElement, why: str) -> ModelFinding:
-    """The finding of an actuator without effect."""
-    return ModelFinding(
-        FindingKind.ACTUATOR, Severity.NOTE, f"{actuator} moves nothing: {why}", element=actuator
-    )
+def format_names(kind: str, elements: list[NamedElement]) -> str:
+    """The kind and the names of elements; of many, their number and the first names.
+
+    >>> format_names("motor", [NamedElement("motor", name) for name in "ab"])
+    'motors a and b'
+    >>> format_names("motor", [NamedElement("motor", name) for name in "abcdef"])
+    '6 motors (a, b, c and d and 2 more)'
+    """
+    names = format_list(element.name for element in elements[:MAX_NAMES])
+    if len(elements) > MAX_NAMES:
+        return f"{len(elements)} {kind}s ({names} and {len(elements) - MAX_NAMES} more)"
+    return f"{kind if len(elements) == 1 else kind + 's'} {names}"
 
 
 def judge_sensors(

@@ -30,10 +30,16 @@ def constraint_rows(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
 
 
 def moment_arms(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """The moment arms (actuators, nv) of the actuators in a pose [1 or m]."""
-    arms = np.zeros((model.nu, model.nv))
+    """The moment arms (outputs, nv) of the actuators in a pose [1 or m]; see `outputs_of`."""
+    arms = np.zeros((len(data.moment_rownnz), model.nv))
     if arms.size:
         mujoco.mju_sparse2dense(
             arms, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
         )
     return arms
+
+
+def outputs_of(model: mujoco.MjModel, actuator: int) -> slice:
+    """The outputs of an actuator: one force, or three of an actuator of an orientation."""
+    first = int(model.actuator_outadr[actuator])
+    return slice(first, first + int(model.actuator_outnum[actuator]))
