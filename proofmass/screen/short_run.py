@@ -16,7 +16,8 @@ SECONDS = 1.0
 STEPS_OF_A_SHORT_RUN = 20_000
 """Largest number of steps of such a run; a finer step confirms a shorter time."""
 DISTANCE_OF_STARTS = 1e-7
-"""Distance of the starts of two runs [rad or m]: rounding grows to it in no run of a second."""
+"""Distance of the starts of two runs [rad or m, and per s]: rounding does not grow to it in a
+second."""
 GROWTH_RATIO = 100.0
 """Growth of the distance of two runs, over the growth with a step an eighth as long, from which a
 step counts as unstable.  With 10, motions that are sensitive by themselves count as well; with
@@ -146,6 +147,7 @@ def part(model: mujoco.MjModel, key: int, step: float, count: int) -> Parting:
     disturbance = np.random.default_rng(2).normal(size=model.nv)
     disturbance *= DISTANCE_OF_STARTS / max(np.abs(disturbance).max(initial=0.0), 1e-300)
     mujoco.mj_integratePos(model, two.qpos, disturbance, 1.0)
+    two.qvel += disturbance  # a motor's speed is unstable by itself: no position changes it
     farthest, fastest, late, apart = 0.0, 0.0, 0.0, np.zeros(model.nv)
     for k in range(count):
         mujoco.mj_step(changed, one)

@@ -29,8 +29,8 @@ SAFE_SHARE = 0.8
 """Proposed step over the largest stable one [1]."""
 ARMATURE_MARGIN = 1.3
 """Proposed armature over what the linear count gives [1]."""
-CLOSE_RATIO = 0.5
-"""Share of the largest stable step from which the model's own is told to be close to it."""
+CLOSE_RATIO, NEAR_RATIO = 0.5, 0.9
+"""Shares of the largest stable step from which the model's own is told, and is a warning."""
 LOWER_SHARE = 0.95
 """Share of the limit of the start pose below which a limit on the way is told."""
 ARMATURE_FACTORS = 1.0, 2.0, 4.0, 8.0
@@ -152,8 +152,9 @@ def judge_steps(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator
     elif found.ratio > CLOSE_RATIO:
         yield ModelFinding(
             FindingKind.STABLE_STEP,
-            Severity.NOTE,
+            Severity.WARNING if found.ratio > NEAR_RATIO else Severity.NOTE,
             f"{describe_ratio(found)}, which is set{describe_cause(found)}",
+            next(cures(model, key, found)) if found.ratio > NEAR_RATIO else "",
             element=found.breaking.joint if found.breaking else None,
             value=found.ratio,
         )

@@ -245,3 +245,42 @@ def test_a_soft_loop_gives_way_as_told():
     model = mujoco.MjModel.from_xml_string(soft)
     assert finding_of(model, FindingKind.SOFT_LOOP)
     assert not finding_of(mujoco.MjModel.from_xml_string(GOOD), FindingKind.SOFT_LOOP)
+
+
+def test_an_actuator_with_several_controls_is_read_as_one():
+    # an orientation of a ball joint has three controls and forces, beside a motor that is idle
+    text = """
+    <mujoco><option gravity="0 0 0"/><worldbody>
+    <body name="b"><joint name="ball" type="ball" damping=".1"/><geom size=".1" mass="1"/></body>
+    <body name="c" pos="1 0 0"><joint name="hinge" axis="0 0 1" damping=".1"/>
+    <geom size=".1" mass="1" pos=".2 0 0"/></body></worldbody>
+    <actuator><orientation name="turn" joint="ball" kp="5" dampratio="1"/>
+    <motor name="idle" joint="hinge" gear="0"/></actuator>
+    <keyframe><key name="start" qpos="0.9 0.3 0.3 0 0" qvel="0 0 1 1"/></keyframe></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(text)
+    assert (model.nactuator, model.nu) == (2, 4)
+    [found] = finding_of(model, FindingKind.ACTUATOR)
+    assert found.text == "actuator idle with no arm at the start moves nothing"
+
+
+def test_idle_actuators_are_told_together():
+    motors = "".join(f'<motor name="m{k}" joint="s" gear="0"/>' for k in range(6))
+    many = mujoco.MjModel.from_xml_string(GOOD.replace("<actuator>", f"<actuator>{motors}"))
+    many_found = finding_of(many, FindingKind.ACTUATOR)
+    assert [f.value for f in many_found] == [6.0]
+    assert "6 actuators (m0, m1, m2 and m3 and 2 more)" in many_found[0].text
+
+
+def test_a_step_near_its_limit_is_a_warning_with_a_step():
+    text = """
+    <mujoco><option timestep="{}" gravity="0 0 0"/><worldbody><body><joint name="j"/>
+    <inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/></body></worldbody>
+    <actuator><velocity joint="j" kv="2"/></actuator>
+    <keyframe><key ctrl="1"/></keyframe></mujoco>"""
+    # Euler bears 2 I / kv = 10 ms
+    severities = {
+        step: [f.severity for f in finding_of(loaded, FindingKind.STABLE_STEP)]
+        for step in (0.004, 0.006, 0.0095, 0.011)
+        for loaded in [mujoco.MjModel.from_xml_string(text.format(step))]
+    }
+    assert list(severities.values()) == [[], [Severity.NOTE], [Severity.WARNING], [Severity.FAULT]]
