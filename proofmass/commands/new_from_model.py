@@ -15,9 +15,14 @@ from proofmass.base.files import write_atomically
 from proofmass.base.strict import Kind
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.batch.check import screen_isolated
-from proofmass.commands.proposal.added_sensors import missing_sensors, with_sensors
-from proofmass.commands.proposal.inspection import ModelSummary, inspect_model
+from proofmass.commands.proposal.inspection import ModelSummary, UnnamedKey, inspect_model
 from proofmass.commands.proposal.measured_runs import measure_runs
+from proofmass.commands.proposal.model_copy import (
+    ModelCopy,
+    missing_sensors,
+    with_named_key,
+    with_sensors,
+)
 from proofmass.commands.proposal.proposal import Proposal
 from proofmass.screen.finding import FindingKind, Severity
 from proofmass.screen.screen import Screen
@@ -36,9 +41,10 @@ NOTHING_MOVES = (
 
 
 def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
-    """Write a sidecar for a model to the same folder; and a copy of the model with more sensors.
+    """Write a sidecar for a model to the same folder; and a copy of the model if it needs one.
 
-    The copy is written if no sensor of the model measures a position or an orientation.
+    The copy has more sensors if no sensor of the model measures a position or an orientation, and a
+    name of the first key if no key has one.
 
     Parameters
     ----------
@@ -62,37 +68,47 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
         degree of freedom, or no named element that could be measured; nothing moves; its motion is
         not known for any time; or no change of the model turns any check.
     """
-    original = model
-    sidecar, model_copy = (model.with_name(f"{name}{ending}") for ending in (".toml", ".xml"))
+    sidecar = model.with_name(f"{name}.toml")
     if sidecar.exists():
         raise InputError(sidecar, "", "it is there already; give another name")
-    look = inspect_isolated(model)
+    copy = ModelCopy(model, model.with_name(f"{name}.xml"))
+    try:
+        messages = write_with_copy(name, copy, sidecar)
+    except BaseException as error:
+        sidecar.unlink(missing_ok=True)
+        copy.remove()
+        if isinstance(error, InputError) and error.file in (sidecar, *copy.written):
+            raise InputError(model, error.key, error.wrong) from None  # it is there no more
+        raise
+    return [sidecar, *copy.written], messages
+
+
+def write_with_copy(name: str, copy: ModelCopy, sidecar: Path) -> list[str]:
+    """Write a sidecar, and the copy of its model if it needs one; return the messages."""
+    more = list[str]()
+    try:
+        look = inspect_isolated(copy.present)
+    except UnnamedKey:
+        copy.write(with_named_key(copy.original))
+        look = inspect_isolated(copy.present)
+        more.append(f"Its key has no name; in {copy.file.name} it is named start.")
     if look.dof == 0:
-        raise InputError(model, "", "it has no degree of freedom: nothing moves")
+        raise InputError(copy.original, "", "it has no degree of freedom: nothing moves")
     if not look.drive and not look.moves:
-        raise InputError(model, "", NOTHING_MOVES)
-    written = [sidecar]
+        raise InputError(copy.original, "", NOTHING_MOVES)
     new_sensors = [] if look.placed else missing_sensors(look)
     if not new_sensors and not look.sensors:
         raise InputError(
-            model, "", "no joint, site or loose body of it has a name, so none can be measured"
+            copy.original,
+            "",
+            "no joint, site or loose body of it has a name, so none can be measured",
         )
     if new_sensors:
-        if model_copy.exists():
-            raise InputError(model_copy, "", "it is there already; give another name")
-        model, written = model_copy, [sidecar, model_copy]
-    try:
-        if new_sensors:
-            write_atomically(model_copy, with_sensors(original, new_sensors))
-        proposal = propose_for(name, model, look, sidecar)
-        write_atomically(sidecar, proposal.text())
-    except BaseException as error:
-        for file in written:
-            file.unlink(missing_ok=True)
-        if isinstance(error, InputError) and error.file in written:  # it is there no more
-            raise InputError(original, error.key, error.wrong) from None
-        raise
-    return written, proposal.messages
+        copy.write(with_sensors(copy.present, new_sensors))
+    proposal = propose_for(name, copy.present, look, sidecar)
+    proposal.messages += more
+    write_atomically(sidecar, proposal.text())
+    return proposal.messages
 
 
 def inspect_isolated(model: Path) -> ModelSummary:

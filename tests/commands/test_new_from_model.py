@@ -14,18 +14,19 @@ from proofmass.commands import new_from_model
 from proofmass.commands.cli import app
 from proofmass.commands.new_from_model import write_proposal
 from proofmass.commands.proposal import joint_range
-from proofmass.commands.proposal.added_sensors import missing_sensors
-from proofmass.commands.proposal.inspection import inspect_model
+from proofmass.commands.proposal.inspection import ModelSummary, inspect_model
 from proofmass.commands.proposal.measured_tolerance import (
     describe_far_off,
     measured_tolerances,
     round_up,
 )
+from proofmass.commands.proposal.model_copy import missing_sensors
 from proofmass.commands.proposal.mutant import flat_tree, try_mutants
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve
 from proofmass.sim.contents import mechanism_dof
 from proofmass.sim.mjcf import compile_model
+from proofmass.sim.protocol.run import Run
 from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import Outcome
 from tests.shipped import shipped
@@ -384,13 +385,25 @@ def test_a_model_without_anything_to_compare_is_refused(tmp_path, text, words):
     assert [file.name for file in tmp_path.iterdir()] == ["model.xml"]
 
 
-def test_a_model_whose_key_has_no_name_is_refused(bare):
-    model = bare("fourbar")
-    model.write_text(re.sub(r"<key name=\S+", "<key", model.read_text()))
-    found = CliRunner().invoke(app, ["new", "mine", "--from", str(model)])
-    assert found.exit_code == 2
-    assert "its key has no name" in found.stderr
-    assert [file.name for file in model.parent.iterdir()] == ["fourbar.xml"]
+UNNAMED_KEY = '<keyframe><key qpos="0.1"/></keyframe></mujoco>'
+
+
+def test_a_key_without_a_name_gets_one_in_a_copy(tmp_path):
+    model = tmp_path / "pendulum.xml"
+    model.write_text(PENDULUM.replace("</mujoco>", UNNAMED_KEY))
+    (sidecar, copy), messages = write_proposal("mine", model)
+    assert '<key name="start" qpos="0.1"/>' in copy.read_text()
+    assert "Its key has no name; in mine.xml it is named start." in messages
+    assert load_case(sidecar).start == "start"
+
+
+def test_a_key_without_a_name_in_an_included_file_is_refused(tmp_path):
+    (tmp_path / "keys.xml").write_text(f"<mujoco>{UNNAMED_KEY}")
+    model = tmp_path / "pendulum.xml"
+    model.write_text(PENDULUM.replace("</mujoco>", '<include file="keys.xml"/></mujoco>'))
+    with pytest.raises(InputError, match="its key has no name"):
+        write_proposal("mine", model)
+    assert {file.name for file in tmp_path.iterdir()} == {"pendulum.xml", "keys.xml"}
 
 
 def test_a_model_whose_first_key_has_no_name_starts_from_the_next(bare):
@@ -477,15 +490,15 @@ def test_a_servo_is_not_replaced_by_a_drive(tmp_path):
     assert "let go under the controls of its key for 1 s" in look.describe()
 
 
-TWO_MASSES = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody>
+TWO_MASSES = """<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>
 <body name="rotor"><joint name="rotor" axis="0 0 1" damping=".001"/>
 <inertial pos="0 0 0" mass=".3" diaginertia=".002 .002 .002"/>
-<body name="load"><joint name="flex" axis="0 0 1" stiffness="80" damping=".01"/>
+<body name="load"><joint name="flex" axis="0 0 1" stiffness="4" damping=".001"/>
 <inertial pos="0 0 0" mass="1" diaginertia=".02 .02 .02"/></body></body></worldbody>
 <actuator><motor name="tau" joint="rotor" ctrlrange="-5 5"/></actuator>
 <sensor><jointpos name="rotor" joint="rotor"/><jointpos name="flex" joint="flex"/></sensor>
 KEY</mujoco>"""
-"""A rotor that drives a load over a torsion spring, see mujoco#1524."""
+"""A rotor that drives a load over a torsion spring, as in mujoco#1524 with a softer spring."""
 
 
 @pytest.fixture(scope="module")
@@ -506,7 +519,7 @@ def test_a_motor_with_a_control_lets_the_spring_oscillate(two_masses):
     flex = curves.channels["flex"] - curves.channels["flex"].mean()
     ups = np.flatnonzero((flex[:-1] < 0) & (flex[1:] >= 0))
     period = (curves.x[ups[-1]] - curves.x[ups[0]]) / (ups.size - 1)
-    assert 2 * np.pi / period == pytest.approx(np.sqrt(80 * (1 / 0.002 + 1 / 0.02)), rel=0.01)
+    assert 2 * np.pi / period == pytest.approx(np.sqrt(4 * (1 / 0.002 + 1 / 0.02)), rel=0.01)
 
 
 def test_a_sidecar_says_which_change_of_the_model_its_check_notices(two_masses):
@@ -635,3 +648,18 @@ def test_names_with_quotation_marks_are_written_as_they_are(tmp_path):
     model.write_text(PENDULUM.replace('"hinge"', "'a\"b'").replace('name="angle"', ""))
     sensors = missing_sensors(inspect_model(model))
     assert sensors[0] == "<jointpos name='a\"b' joint='a\"b'/>"
+
+
+@pytest.mark.parametrize(
+    ("step", "known", "until", "samples"),
+    [(0.03, 1.0, 0.99, 34), (0.002, 1.0, 1.0, 501), (0.0007, 1.0, 0.9996, 477), (2.0, 1.0, 2.0, 2)],
+)
+def test_a_free_motion_takes_whole_steps_of_the_model(step, known, until, samples):
+    """An engine then makes the model's own step, and none that is a little shorter."""
+    none = ("",)
+    look = ModelSummary(
+        "", 1, None, none, (), True, none, none, none, step, True, known_until=known
+    )
+    assert (look.until, look.samples) == (until, samples)
+    made = Run("dynamics", np.linspace(0, look.until, look.samples), ()).steps(step)[1]
+    assert made == pytest.approx(step, rel=1e-12)

@@ -10,6 +10,7 @@ in space, else the model's own equations, solved closely, as far as the motion i
 """
 
 from dataclasses import dataclass, replace
+from math import floor
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +59,7 @@ from proofmass.sim.contents import (
 from proofmass.sim.engines import NATIVE_ENGINE, engine_of
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol.failures import NotSolved, Unsupported
-from proofmass.sim.protocol.run import fitting_samples
+from proofmass.sim.protocol.run import STEP_ROUNDING, fitting_samples
 
 FREE_MOTION_SECONDS = 1.0
 """Duration of a free motion [s]."""
@@ -67,6 +68,10 @@ KNOWN_SHARE = 0.9
 INSPECTION_WORK = 12.0
 """Counted processor time of the solutions that tell until when a motion is known [s]: a third of
 what the reference itself takes, since only the time is needed."""
+
+
+class UnnamedKey(InputError):
+    """A model has keys, and none has a name, by which a sidecar could choose one."""
 
 
 @dataclass(frozen=True)
@@ -95,8 +100,8 @@ class ModelSummary:
         Whether it moves from its start pose without a drive, and whether actuators act then.
     reference : str
         The reference of the motion.
-    until : float
-        Duration of a free motion [s].
+    known_until : float
+        Time until which the motion is known to its reference, at most `FREE_MOTION_SECONDS` [s].
     why : str
         Why the references before this one do not cover the model; empty for the first reference.
     """
@@ -114,8 +119,18 @@ class ModelSummary:
     moves: bool
     controlled: bool = False
     reference: str = "planar"
-    until: float = FREE_MOTION_SECONDS
+    known_until: float = FREE_MOTION_SECONDS
     why: str = ""
+
+    @property
+    def until(self) -> float:
+        """Duration of a free motion [s]: whole steps of the model, as many to each sample.
+
+        It is at least one step, and at most a step to each sample less than `known_until`.
+        """
+        steps = max(1, floor(self.known_until / self.timestep + STEP_ROUNDING))
+        steps -= steps % max(1, steps // (DEFAULT_SAMPLES - 1))
+        return float(f"{steps * self.timestep:.12g}")
 
     @property
     def samples(self) -> int:
@@ -131,7 +146,9 @@ class ModelSummary:
         """A sentence on the degrees of freedom, and the run that is proposed."""
         if not self.drive:
             why = f"{self.why[0].upper()}{self.why[1:]}. " if self.why else ""
-            known = ", as far as its motion is known" if self.until < FREE_MOTION_SECONDS else ""
+            known = ""
+            if self.known_until < FREE_MOTION_SECONDS:
+                known = ", as far as its motion is known"
             controls = " under the controls of its key" if self.controlled else ""
             return (
                 f"{why}It has {self.dof} degree{'s' * (self.dof > 1)} of freedom and is let go"
@@ -163,7 +180,7 @@ def inspect_model(path: Path) -> ModelSummary:
     names = key_names(model)
     start = "start" if "start" in names else next(filter(None, names), "")
     if names and not start:
-        raise InputError(path, "", 'its key has no name; write <key name="start" …/>')
+        raise UnnamedKey(path, "", 'its key has no name; write <key name="start" …/>')
     refuse_unusable_start(path, model, start)
     try:
         mechanism, plane = read(model, start)
@@ -319,4 +336,4 @@ def inspect_in_space(path: Path, model: MjModel, start: str, dof: int, planar: s
     until = (
         FREE_MOTION_SECONDS if until == FREE_MOTION_SECONDS else float(f"{KNOWN_SHARE * until:.2g}")
     )
-    return replace(look, reference="refined", why=why, until=until)
+    return replace(look, reference="refined", why=why, known_until=until)

@@ -177,7 +177,7 @@ def accept(proposal: Proposal, kind: Kind, solver: str, run: MeasuredRun, step: 
         words.append(describe_far_off(off))
     if run.trial is not None and run.trial.turned:
         words.append(run.trial.describe())
-        proposal.turned_by = run.trial.tried[-1]
+        proposal.turned_by = run.trial.number
     proposal.messages.append("; ".join(words))
 
 

@@ -39,7 +39,7 @@ class Proposal:
     step_comments : dict of str to str
         Why a solver takes another step.
     turned_by : str
-        The change of the model that turned a check last; it is tried first for the next run.
+        Name of the number whose change turned a check last; it is changed first for the next run.
     """
 
     name: str
