@@ -100,17 +100,25 @@ def test_the_action_writes_what_its_readers_upload(repository, tmp_path):
     pip.write_text(f'#!/bin/sh\necho "$@" > {tmp_path}/installed\n')
     pip.chmod(0o755)
     change(repository, *WRONG)
+    gh = pip.with_name("gh")
+    gh.write_text(f'#!/bin/sh\necho "$@" > {tmp_path}/commented\nexit 1\n')  # as in a fork
+    gh.chmod(0o755)
     action = yaml.safe_load((ROOT / "contrib" / "github" / "action.yml").read_text())
-    inputs = {name: str(one["default"]) for name, one in action["inputs"].items()}
+    inputs = {f"inputs.{name}": str(one["default"]) for name, one in action["inputs"].items()}
+    inputs |= {"github.event.pull_request.number": "7", "github.token": "none"}
+    summary = tmp_path / "summary.md"
     codes = []
     for step in (one for one in action["runs"]["steps"] if "run" in one):
         variables = {
-            name: re.sub(r"\$\{\{ inputs\.(\w+) \}\}", lambda m: inputs[m[1]], text)
+            name: re.sub(r"\$\{\{ ([\w.-]+) \}\}", lambda m: inputs[m[1]], text)
             for name, text in step["env"].items()
-        }
+        } | {"GITHUB_STEP_SUMMARY": str(summary)}
         done = run(repository, "bash", "-ec", step["run"], first=str(pip.parent), **variables)
         codes.append(done.returncode)
     assert codes == [0, 1]
+    assert (tmp_path / "commented").read_text().split()[:3] == ["pr", "comment", "7"]
+    assert "❌ **pendulum** differs" in summary.read_text(encoding="utf-8")
+    assert summary.read_text() == (repository / "proofmass.md").read_text()
     assert (tmp_path / "installed").read_text() == "install proofmass\n"
     (results,) = json.loads((repository / "proofmass.sarif").read_text())["runs"]
     places = {

@@ -158,13 +158,17 @@ def print_result(
 
 
 def export_result(file: Path, form: str, result: "Result") -> None:
-    """Write a result to a file in a format that other tools read: ``junit`` or ``sarif``."""
+    """Write a result to a file that other tools read: ``junit``, ``sarif`` or ``markdown``."""
     from proofmass.base.files import write_output
     from proofmass.formats.junit import as_junit
+    from proofmass.formats.markdown import as_markdown
     from proofmass.formats.sarif import as_sarif
 
     with exit_on_error(f"{file} is not written"):
-        write_output(file, as_junit(result) if form == "junit" else as_sarif(result))
+        if form == "junit":
+            write_output(file, as_junit(result))
+        else:
+            write_output(file, as_sarif(result) if form == "sarif" else as_markdown(result))
 
 
 @app.command("check")
@@ -183,6 +187,14 @@ def check_command(
     sarif: Annotated[
         Path | None,
         typer.Option("--sarif", help="SARIF 2.1.0 to write, one result per fault.", metavar="FILE"),
+    ] = None,
+    markdown: Annotated[
+        Path | None,
+        typer.Option(
+            "--markdown",
+            help="Markdown to write, such as for a comment on a pull request.",
+            metavar="FILE",
+        ),
     ] = None,
     fail_on: Annotated[
         str,
@@ -213,7 +225,7 @@ def check_command(
 
     with exit_on_error("nothing is written"):
         protect(paths or [])
-        for given in filter(None, (junit, sarif)):
+        for given in filter(None, (junit, sarif, markdown)):
             require_replaceable(given)
         failing = finding_kinds(fail_on)
     left = [path for path in paths or [] if leave_others and is_of_others(path)]
@@ -227,7 +239,7 @@ def check_command(
         print(as_json(result))
     else:
         print_result(result, verbose)
-    for file, form in ((junit, "junit"), (sarif, "sarif")):
+    for file, form in ((junit, "junit"), (sarif, "sarif"), (markdown, "markdown")):
         if file is not None:  # after the verdicts, which are printed even if the disk is full
             export_result(file, form, result)
     raise typer.Exit(max(result.exit_code, int(result.has_finding(failing))))
