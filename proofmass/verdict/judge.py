@@ -7,6 +7,7 @@ what judges them is `proofmass.verdict.compare.compare`, as for an engine.
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from glob import escape
@@ -16,17 +17,26 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 from pydantic import ValidationError
 
+from proofmass.analytic.protocol import InputMotion
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError, suggest_names
 from proofmass.base.recording import Recorded
 from proofmass.base.strict import Kind
-from proofmass.base.units import read_quantity, same_quantity, si_unit, to_si
+from proofmass.base.units import (
+    describe_quantity,
+    read_quantity,
+    same_quantity,
+    si_unit,
+    to_si,
+    unit_powers,
+)
 from proofmass.case.case import Case, Channel, Tolerance, made_models_folder
 from proofmass.case.drive import DriveState
 from proofmass.case.inputs import PROGRAM_ENDING, RECORDED_ENDING, is_recorded
 from proofmass.reference.case_model import compiled_model
+from proofmass.reference.dimensions import Powers, curve_powers, unit_of_powers
 from proofmass.reference.evaluate import all_quantities, evaluate
-from proofmass.reference.find import load_reference
+from proofmass.reference.find import load_reference, reference_class
 from proofmass.run.sidecar import convert_parameters, describe_invalid, key_of_error
 from proofmass.run.validate import delivered_unit
 from proofmass.sim.contents import sensor_names
@@ -529,6 +539,7 @@ def choose_channels(
                 f"no column has the name of a quantity of {case.reference}; columns: "
                 f"{', '.join(columns) or 'none'}; {suggest_names('', known)}",
             )
+    powers = powers_of_curves(case, times, state)
     found: dict[str, dict[str, Any]] = {}
     for name, wanted in equals.items():
         if name not in columns:
@@ -540,7 +551,7 @@ def choose_channels(
                 f"equals.{name}",
                 f"{case.reference} has no quantity {quantity!r}; {suggest_names(quantity, known)}",
             )
-        found[name] = {**table, "unit": unit_of_column(case, columns[name], quantity)}
+        found[name] = {**table, "unit": unit_of_column(case, columns[name], quantity, powers)}
     return found
 
 
@@ -549,16 +560,45 @@ def is_table(value: Any, key: str) -> bool:
     return isinstance(value, Mapping) and key in value
 
 
-def unit_of_column(case: Case, column: GivenColumn, quantity: Any) -> str:
-    """The unit of a column: its own, that of recorded rows, or that of the model's sensor.
+def powers_of_curves(case: Case, times: Array, state: DriveState | None) -> dict[str, Powers]:
+    """The powers of length, mass and time of the curves of a closed form, as far as they scale."""
+    reference = reference_class(case)
+    if reference is None or reference.reads_model:
+        return {}
+    motion, best = InputMotion(times, state), dict[str, Powers]()
+    for slides in (False, True) if state is not None else (False,):
+        with suppress(Exception):  # somebody's own reference may refuse other numbers
+            found = curve_powers(reference, case.parameters, motion, slides)
+            best = max(best, found, key=len)
+    return best
+
+
+def unit_of_column(
+    case: Case, column: GivenColumn, quantity: Any, powers: Mapping[str, Powers]
+) -> str:
+    """The unit of a column: its own, or that of the quantity, as far as this is known.
+
+    It is known of recorded rows, of a sensor of the model, and of a curve of a closed form, see
+    `proofmass.reference.dimensions`.
 
     Raises
     ------
     InputError
-        A sensor of its name in the model measures another quantity.
+        The column's own unit is that of another quantity.
     """
     if case.recorded and column.unit == "1" and isinstance(rows := load_reference(case), Recorded):
         return rows.unit(quantity) if quantity in rows.columns else column.unit
+    if quantity in powers:
+        known = unit_of_powers(powers[quantity])
+        if column.unit == "1":
+            return known
+        if unit_powers(column.unit)[:3] != powers[quantity]:
+            what = "an angle or a number" if known == "1" else describe_quantity(known)
+            raise case.error(
+                column.name,
+                f"its unit {column.unit!r} is {describe_quantity(column.unit)}, and {quantity} of "
+                f"{case.reference} is {what}",
+            )
     if Path(case.model) == stub_model():
         return column.unit
     model = compiled_model(case)

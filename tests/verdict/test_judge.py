@@ -182,6 +182,21 @@ def test_a_program_and_recorded_curves_are_references(tmp_path):
         ),
         (
             {},
+            {"units": {"rocker_angle": "mm"}},
+            "rocker_angle: its unit 'mm' is a length, and rocker_angle of fourbar is an angle or a",
+        ),
+        (
+            {"pin_vx": TRUE["pin_vx"]},
+            {"units": {"pin_vx": "N"}, "drive": ("theta", RATE)},
+            "pin_vx: its unit 'N' is a force, and pin_vx of fourbar is a speed",
+        ),
+        (
+            {"pin_vx": TRUE["pin_vx"]},
+            {"drive": ("theta", RATE), "tolerance": {"pin_vx": "1 mm"}},
+            "tolerance.pin_vx: a speed [m/s]; '1 mm' is a length",
+        ),
+        (
+            {},
             {"units": {"rocker": "deg"}},
             "units.rocker: there is no column 'rocker'; did you mean 'rocker_angle'? there are: "
             "time, theta, rocker_angle",
