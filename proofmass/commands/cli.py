@@ -850,7 +850,8 @@ def stress_command(
     paths: Annotated[
         list[Path] | None,
         typer.Argument(
-            help="Sidecars or folders.", show_default="small models whose limits theory knows"
+            help="Sidecars, models or folders.",
+            show_default="small models whose limits theory knows",
         ),
     ] = None,
     output: Annotated[
@@ -864,8 +865,9 @@ def stress_command(
 ) -> None:
     """Increase or decrease each parameter until a run fails, and bisect the boundary to 1 %.
 
-    Of a case: time step, drive speed, gravity, mass ratio, stiffness, size, segments, limit
-    positions, bars in line, folds of rods, long runs, energy. Without a case: small models, whose
+    Of a case: time step, stable time step, drive speed, gravity, mass ratio, stiffness, size,
+    segments, limit positions, bars in line, folds of rods, long runs, energy. Of a model without a
+    sidecar: its stable time steps. Without a case: small models, whose
     measured limits are compared with those of theory. Every run is stored: a stopped study
     continues when the command is given again. Exit code 0: done; 2: bad input.
     """

@@ -6,30 +6,36 @@ not show in the run of a case.  So here a step fails only if it is unstable, as
 1e-7 part a hundred times faster than with steps of an eighth, or the motion does not come to rest
 though it does with these.
 The prediction is that of the linearised motion, see `proofmass.screen.stable_step`; it names the
-mode that breaks, and what to write into the model.
+mode that breaks, and what to write into the model.  Neither needs a reference, so that a model
+without a sidecar has these limits as well.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import partial
 from math import inf
 
 import mujoco
 
+from proofmass.base.errors import InputError
+from proofmass.base.read_once import read_once
+from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.reference.case_model import compiled_model
-from proofmass.run.fingerprint import bytes_of_case_model
 from proofmass.screen.short_run import breaks, steps_of_run, with_step
 from proofmass.screen.stable_step import LONGEST_RATIO, LONGEST_STEP
-from proofmass.screen.steps import (
-    INTEGRATOR_NAMES,
-    cures,
-    find_own_stable_step,
-)
+from proofmass.screen.steps import INTEGRATOR_NAMES, cures, find_own_stable_step
+from proofmass.sim.engines import NATIVE_ENGINE, engine_of
 from proofmass.sim.mjcf import collected_warnings
-from proofmass.studies.record import ParameterValue
-from proofmass.studies.store import digest, digest_of_sources, package_versions
+from proofmass.sim.model_files import model_key
+from proofmass.sim.model_source import ModelSource
+from proofmass.studies.store import Store, digest, digest_of_sources, package_versions
 from proofmass.studies.stress.boundary import BoundaryKind, Failure, PredictedLimit, TrialResult
-from proofmass.studies.stress.limit_search import LimitSearch, StressedCase, require
+from proofmass.studies.stress.limit_search import (
+    SEARCH_RUN_TIMEOUT,
+    LimitSearch,
+    StressedCase,
+    require,
+)
 
 KNOWN_SETTINGS = {"timestep", "integrator"}
 """Settings of a case with which its model is screened."""
@@ -41,11 +47,13 @@ times; the second bounds the cost of a second in small steps."""
 FINEST_SHARE = 1e-5
 """Least step that is tried, over that of the model [1]."""
 INTEGRATORS = {name.lower(): integrator for integrator, name in INTEGRATOR_NAMES.items()}
+START = "start"
+"""Key from which a model without a sidecar starts, if it has it; else the first."""
 
 
 def search_stable_step(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """Increase the time step until it is unstable, with every integrator."""
-    case, own = stressed.case, stressed.step
+    """Increase the time step of a case until it is unstable, with every integrator."""
+    case = stressed.case
     require(stressed.kind == "dynamics", "stable time step: the run has no time steps")
     require(stressed.engine.native, "stable time step: it is predicted of the MJCF alone")
     require(not (case.drive or case.rod), "stable time step: the motion is driven, or has rods")
@@ -57,63 +65,135 @@ def search_stable_step(stressed: StressedCase) -> Iterator[LimitSearch]:
         0 < compiled_model(case).nv <= MAX_COORDINATES,
         f"stable time step: the model has more than {MAX_COORDINATES} coordinates",
     )
-    for scheme in stressed.engine.theory.schemes:
-        reach = max(own, min(LONGEST_STEP, LONGEST_RATIO * own))
-        search = stressed.search(
+    source, store = ModelSource(case.model_path), stressed.study.store
+    yield from search_integrators(case.name, source, case.start, stressed.step, store)
+
+
+def search_bare_model(source: ModelSource, store: Store) -> list[LimitSearch]:
+    """Searches for the largest stable steps of a model without a sidecar.
+
+    Raises
+    ------
+    InputError
+        It has no joints, or too many, or it cannot be read in time.
+    BadModel
+        It does not compile.
+    """
+    try:
+        own, coordinates = call_isolated(read_sizes, source, timeout=SEARCH_RUN_TIMEOUT)
+    except (TimedOut, OutOfMemory, Crashed) as error:
+        raise InputError(source.file, "", f"it cannot be read: {error}") from None
+    if not 0 < coordinates <= MAX_COORDINATES:
+        raise InputError(
+            source.file,
+            "",
+            f"it has {coordinates} coordinates; stable time steps are searched of models with 1 to "
+            f"{MAX_COORDINATES}",
+        )
+    return list(search_integrators(source.file.stem, source, START, own, store))
+
+
+def search_integrators(
+    what: str, source: ModelSource, start: str, own: float, store: Store
+) -> Iterator[LimitSearch]:
+    """A search with each integrator, from the model's own step [s] or below it."""
+    reach = max(own, min(LONGEST_STEP, LONGEST_RATIO * own))
+    for scheme in engine_of(NATIVE_ENGINE).theory.schemes:
+        stepped = SteppedModel(source, start, scheme.name, store)
+        yield LimitSearch(
+            what,
+            NATIVE_ENGINE,
+            scheme.name,
             "stable time step",
             "s",
             own,
             reach,
-            partial(try_stability, stressed, scheme.settings),
-            scheme.name,
-        )
-        yield replace(
-            search,
+            stepped.try_step,
             least=FINEST_SHARE * own,
-            predict=partial(predict, stressed, scheme.settings, reach),
+            predict=partial(stepped.predict, own, reach),
         )
 
 
-def stepped_model(
-    stressed: StressedCase, settings: dict[str, ParameterValue], step: float
-) -> tuple[mujoco.MjModel, int]:
-    """A copy of the model with a time step [s] and an integrator, and the number of its key."""
-    model = with_step(compiled_model(stressed.case), step)
-    model.opt.integrator = INTEGRATORS[str(settings["integrator"]).lower()]
-    return model, mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, stressed.case.start)
+@dataclass(frozen=True)
+class SteppedModel:
+    """A model whose steps are tried, in workers.
 
+    Attributes
+    ----------
+    source : ModelSource
+    start : str
+        Name of its key; a model without that key starts from its first, or its initial pose.
+    integrator : str
+    store : Store
+        Keeps what was measured.
+    """
 
-def try_stability(
-    stressed: StressedCase, settings: dict[str, ParameterValue], step: float
-) -> TrialResult:
-    """Whether bare MuJoCo is stable with a time step; the result is stored."""
-    model, key = stepped_model(stressed, settings, step)
-    name = repr((stressed.case.start, settings, step, package_versions(stressed.setting.engine)))
-    content = bytes_of_case_model(stressed.case) + f"{name}{digest_of_sources()}".encode()
+    source: ModelSource
+    start: str
+    integrator: str
+    store: Store
 
-    count = min(max(steps_of_run(step), LEAST_STEPS), MOST_STEPS)
+    def read(self, step: float) -> tuple[mujoco.MjModel, int]:
+        """The model with a time step [s] and the integrator, and the number of its key."""
+        model = with_step(read_model(self.source), step)
+        model.opt.integrator = INTEGRATORS[self.integrator.lower()]
+        key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, self.start)
+        return model, key if key >= 0 else min(0, model.nkey - 1)
 
-    def is_unstable() -> bool:
+    def try_step(self, step: float) -> TrialResult:
+        """Whether bare MuJoCo is stable with a time step [s]; the result is stored."""
+        known = self.start, self.integrator, step, package_versions(NATIVE_ENGINE)
+        name = repr((*known, model_key(self.source.file), digest_of_sources()))
+        try:
+            unstable = self.store.value(
+                f"{digest(name.encode())}.stable.json",
+                lambda: call_isolated(self.is_unstable_here, step, timeout=SEARCH_RUN_TIMEOUT),
+            )
+        except (TimedOut, OutOfMemory, Crashed) as error:
+            return TrialResult(Failure(str(error), BoundaryKind.OURS))
+        how = Failure("two runs part or come to no rest, or MuJoCo fails", BoundaryKind.UNSTABLE)
+        return TrialResult(how if unstable else None, step)
+
+    def is_unstable_here(self, step: float) -> bool:
+        """Run the model with a time step [s], in this process."""
+        model, key = self.read(step)
         with collected_warnings():
-            return breaks(model, key, step, count)
+            return breaks(model, key, step, min(max(steps_of_run(step), LEAST_STEPS), MOST_STEPS))
 
-    if not stressed.study.store.value(f"{digest(content)}.stable.json", is_unstable):
-        return TrialResult(step=step)
-    failed = Failure("two runs part, or MuJoCo reports it", BoundaryKind.UNSTABLE, silent=False)
-    return TrialResult(failed, step)
+    def predict(self, own: float, reach: float) -> PredictedLimit:
+        """What a first screen says, in a worker; nothing if that does not end."""
+        try:
+            found: PredictedLimit = call_isolated(
+                self.predict_here, own, reach, timeout=SEARCH_RUN_TIMEOUT
+            )
+        except (TimedOut, OutOfMemory, Crashed):
+            return PredictedLimit()
+        return found
+
+    def predict_here(self, own: float, reach: float) -> PredictedLimit:
+        """What a first screen says of the model with its own step [s].
+
+        Limits beyond `reach` [s] count as none.
+        """
+        model, key = self.read(own)
+        with collected_warnings():
+            found = find_own_stable_step(model, key)
+            about = f", about, with {', '.join(found.about)}" if found.about else ""
+            if not found.limit < reach or found.breaking is None:
+                return PredictedLimit(inf, f"first screen{about}")
+            mode = found.breaking
+            remedy = " or ".join(cures(model, key, found)) if found.ratio > 1.0 else ""
+        law = f"first screen{about}: {mode.joint} breaks by {mode.cause}, {mode.rates}"
+        return PredictedLimit(found.limit, law, remedy)
 
 
-def predict(
-    stressed: StressedCase, settings: dict[str, ParameterValue], reach: float
-) -> PredictedLimit:
-    """What a first screen says of an integrator; limits beyond `reach` [s] count as none."""
-    model, key = stepped_model(stressed, settings, stressed.step)
-    with collected_warnings():
-        found = find_own_stable_step(model, key)
-        about = f", about, with {', '.join(found.about)}" if found.about else ""
-        if not found.limit < reach or found.breaking is None:
-            return PredictedLimit(inf, f"first screen{about}")
-        mode = found.breaking
-        remedy = " or ".join(cures(model, key, found)) if found.ratio > 1.0 else ""
-    law = f"first screen{about}: {mode.joint} breaks by {mode.cause}, {mode.rates}"
-    return PredictedLimit(found.limit, law, remedy)
+@read_once(lambda source: model_key(source.file))
+def read_model(source: ModelSource) -> mujoco.MjModel:
+    """The compiled model of a file."""
+    return source.read().model
+
+
+def read_sizes(source: ModelSource) -> tuple[float, int]:
+    """The time step of a model [s], and the number of its coordinates."""
+    model = read_model(source)
+    return float(model.opt.timestep), int(model.nv)

@@ -6,11 +6,19 @@ from math import inf, isnan, sqrt
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from proofmass.commands.cli import app
 from proofmass.run.sidecar import load_case
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
-from proofmass.studies.stress.boundary import BoundaryKind, Failure, TrialResult
+from proofmass.studies.stress import stable_steps
+from proofmass.studies.stress.boundary import (
+    BoundaryKind,
+    Failure,
+    TrialResult,
+    read_boundaries,
+)
 from proofmass.studies.stress.extremes import search_time_step
 from proofmass.studies.stress.limit_search import LimitSearch, NotApplicable, StressedCase
 from proofmass.studies.stress.page import describe_boundary
@@ -114,6 +122,30 @@ def test_the_time_step_of_a_case_that_fails_is_searched_below(tmp_path):
     assert euler.trial(euler.start).failure
     assert euler.trial(euler.start / 16).failure is None
     assert euler.least < euler.start / 16
+
+
+def test_a_model_without_a_sidecar_has_stable_steps_alone(tmp_path, monkeypatch):
+    every = stable_steps.search_integrators
+    monkeypatch.setattr(  # one integrator is enough here
+        stable_steps,
+        "search_integrators",
+        lambda *args: [one for one in every(*args) if one.setting == "implicitfast"],
+    )
+    shutil.copy(CASES / "stiff_servo.xml", tmp_path)
+    fixed = tmp_path / "fixed.xml"
+    fixed.write_text("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    answer = CliRunner().invoke(app, ["stress", str(tmp_path), "-o", str(tmp_path / "out")])
+    assert answer.exit_code == 0
+    said = " ".join(answer.output.split())
+    assert "its stable time steps alone are searched" in said
+    assert "passed over: " in said
+    assert "fixed.xml: it has 0 coordinates" in said
+    (found,) = read_boundaries(tmp_path / "out" / "stress.csv")
+    assert found.ratio == pytest.approx(1.0, abs=0.01)
+    alone = CliRunner().invoke(app, ["stress", str(fixed), "-o", str(tmp_path / "out")])
+    assert alone.exit_code == 2
+    words = "it has 0 coordinates; stable time steps are searched of models with 1 to 100"
+    assert words in " ".join(alone.output.split())
 
 
 def test_drives_and_other_settings_have_no_predicted_step(stressed):
