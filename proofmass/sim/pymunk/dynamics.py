@@ -5,12 +5,14 @@ loops and drives.  States are recorded at each sample and one step before it.  T
 iterations in a step is computed from the rate at which Chipmunk's solver converges.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pymunk
 from pymunk import batch
 
+from proofmass.analytic.joints_at_rest import RestRows, free_motions
+from proofmass.analytic.numerics import motion_senses
 from proofmass.base.arrays import Array
 from proofmass.base.clock import processor_time
 from proofmass.sim.protocol.curves import Curves
@@ -23,6 +25,7 @@ from proofmass.sim.pymunk.kinematics import (
     damping,
     derivative_along,
     drive_values,
+    is_determined,
     jacobian,
     joint_values,
     move_sizes,
@@ -46,6 +49,7 @@ from proofmass.sim.pymunk.space import (
     Settings,
     add_contacts,
     add_drives,
+    add_friction,
     build_space,
     empty_buffer,
     read_states,
@@ -56,7 +60,7 @@ EIGENVALUE_MARGIN = 1e-9
 """Margin below 1: larger eigenvalues of an iteration belong to coordinates without constraint."""
 
 
-def contraction_factor(links: Links, pose: Array) -> float:
+def contraction_factor(links: Links, pose: Array, stuck: Sequence[int] = ()) -> float:
     """Factor by which one iteration of the solver reduces the slowest part of a velocity error.
 
     In an iteration each constraint in turn removes its own part of the velocity error.  With
@@ -65,12 +69,14 @@ def contraction_factor(links: Links, pose: Array) -> float:
 
         (I - B_n^+ B_n) ... (I - B_1^+ B_1),
 
-    without the eigenvalues 1, which belong to the coordinates that no constraint affects.
+    without the eigenvalues 1, which belong to the coordinates that no constraint affects.  Joints
+    that stick by dry friction (`stuck`, ids) are constraints as well.
     """
     root = np.sqrt(np.column_stack([links.mass, links.mass, links.moment]).ravel())
     rows = jacobian(lambda p: constraint_values(links, p), pose) / root
+    held = jacobian(lambda p: joint_values(links, p), pose)[list(stuck)] / root
     product = np.eye(len(root))
-    for block in np.split(rows, _constraint_starts(links)):
+    for block in [*np.split(rows, _constraint_starts(links)), *held[:, None]]:
         product = product - np.linalg.pinv(block) @ (block @ product)
     sizes = np.abs(np.linalg.eigvals(product))
     return float(sizes[sizes < 1 - EIGENVALUE_MARGIN].max(initial=0.0))
@@ -99,7 +105,8 @@ def iterations_needed(links: Links, poses: Array, remaining_share: float) -> int
     remaining_share : float
         Share of the error that may remain [1].
     """
-    share = max(contraction_factor(links, pose) for pose in poses)
+    states = {(), links.rubbing_loose}  # of all joints with dry friction none sticks, or all do
+    share = max(contraction_factor(links, pose, stuck) for pose in poses for stuck in states)
     return int(np.ceil(np.log(remaining_share) / np.log(share))) if share > 0 else 1
 
 
@@ -137,7 +144,38 @@ def start_motion(
     force = -jacobian(lambda p: potential(links, p), pose)
     force = force - slopes.T @ (coefficients * (slopes @ velocity))
     needed = np.append(closed, acceleration) - turning @ velocity
+    if links.rubbing_loose:
+        force, rows, needed = add_start_friction(links, pose, velocity, force, rows, needed)
     return full, _append_ground(_solve_constrained(links, rows, force, needed))
+
+
+REST_RATE = 1e-12
+"""Rate below which a joint with dry friction is at rest at the start [rad/s, or extents/s]."""
+
+
+def add_start_friction(
+    links: Links, pose: Array, velocity: Array, force: Array, rows: Array, needed: Array
+) -> tuple[Array, Array, Array]:
+    """Forces, rows and their accelerations at the start, with dry friction of loose joints.
+
+    Joints that slip have their largest friction.  Those at rest begin to move, or are more rows;
+    see `proofmass.analytic.joints_at_rest`.
+    """
+    loose = list(links.rubbing_loose)
+    ways = jacobian(lambda p: joint_values(links, p), pose)[loose]
+    bounds = links.frictions[loose]
+    hinges = np.array([links.joints[j].constraint.axis is None for j in loose])
+    rates = ways @ velocity
+    moving = np.abs(rates) > REST_RATE * np.where(hinges, 1.0, links.extent)
+    senses = np.where(moving, np.sign(rates), 0.0)
+    force = force - ways.T @ (senses * bounds)
+    motions = free_motions(np.diag(links.inertia[:-1].ravel()), rows)
+    still = RestRows(ways[~moving] @ motions, bounds[~moving], np.zeros((~moving).sum(), bool))
+    free = ways[~moving] @ _solve_constrained(links, rows, force, needed)
+    senses[~moving] = begins = still.decide(free)
+    force = force - ways[~moving].T @ (begins * bounds[~moving])
+    stuck = ways[senses == 0]
+    return force, np.vstack([rows, stuck]), np.append(needed, np.zeros(len(stuck)))
 
 
 def _velocity_of_joints(links: Links, pose: Array) -> Array:
@@ -247,6 +285,8 @@ def prepare_space(
     """
     space = build_space(links, settings["iterations"], settings["error_bias"])
     add_contacts(space, links, settings)
+    for motor in add_friction(space, links, links.rubbing_loose):
+        motor.resist()
     pose, velocity, targets = start_state(links, run, steps_per_sample, settings["timestep"])
     set_states(space, pose, velocity)
     return space, add_drives(space, links), targets, velocity
@@ -372,12 +412,17 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
         shown = {n: c for n, c in channels.items() if c.order > -2}
         found = {n: unwrap_angle(n, _channel_curve(links, c, states, dt)) for n, c in shown.items()}
         pose, before, after = states
-        motion = SampledMotion(pose, 0.5 * (before + after), (after - before) / dt)
+        drive = _drive_state(links, states, dt)
+        motion = SampledMotion(
+            pose,
+            0.5 * (before + after),
+            (after - before) / dt,
+            _prescribed_friction(links, states, dt, drive),
+        )
         if run.loads:
             found |= LoadedLinks.of(links, run).curves(channels, motion, drives=True)
         else:
             found |= force_curves(links, channels, motion)
-        drive = _drive_state(links, states, dt)
     steps = (len(run.x) - 1) * steps_per_sample + 1
     curves = Curves(
         run.x,
@@ -434,6 +479,21 @@ def _drive_state(links: Links, states: States, dt: float) -> tuple[Array, Array,
         time_derivative(value, order, *states, dt).T for order in (0, 1, 2)
     )
     return place, rate, acceleration
+
+
+def _prescribed_friction(
+    links: Links, states: States, dt: float, drive: tuple[Array, Array, Array] | None
+) -> Array | float:
+    """Dry friction (n, joints) of joints whose motion drives prescribe, positive against it.
+
+    Where drives leave degrees of freedom, these are the driven joints alone.
+    """
+    if drive is None or not links.rubbing:
+        return 0.0
+    rates = time_derivative(lambda p: joint_values(links, p), 1, *states, dt)
+    senses = motion_senses(rates.T, float(np.abs(drive[1]).max(initial=0.0))).T
+    prescribed = np.isin(np.arange(len(links.joints)), links.driven) | is_determined(links)
+    return np.asarray(np.where(prescribed, links.frictions, 0.0) * senses)
 
 
 def _find_failures(links: Links, pose: Array) -> tuple[Array, Array]:

@@ -188,6 +188,18 @@ def jacobian(function: Callable[[Array], Array], pose: Array) -> Array:
     return np.moveaxis(derivative_along(function, pose, units), 0, -1)
 
 
+DETERMINED_RANK_TOLERANCE = 1e-9
+"""Share of the largest singular value below which constraints and drives depend on each other."""
+
+
+def is_determined(links: Links) -> bool:
+    """Whether constraints and drives determine the motion of all links at the start pose."""
+    rows = jacobian(lambda p: constraint_values(links, p), links.pose)
+    scaled, _ = scale_rows(links, rows, np.zeros(len(rows)))
+    rank = np.linalg.matrix_rank(scaled, rtol=DETERMINED_RANK_TOLERANCE)
+    return bool(rank == rows.shape[1])
+
+
 def least_move(links: Links, rows: Array, wanted: Array) -> Array:
     """The smallest move (3 links,) that solves ``rows move = wanted``.
 

@@ -293,6 +293,16 @@ class Links:
         """Ids of the joints with dry friction."""
         return tuple(j for j, joint in enumerate(self.joints) if joint.friction)
 
+    @property
+    def rubbing_loose(self) -> tuple[int, ...]:
+        """Ids of the joints with dry friction that are not driven."""
+        return tuple(j for j in self.rubbing if j not in self.driven)
+
+    @property
+    def frictions(self) -> Array:
+        """Largest dry friction of all joints (joints,) [N m or N]."""
+        return np.array([joint.friction for joint in self.joints])
+
     @cached_property
     def drives(self) -> tuple[LinkJoint, ...]:
         """The joints with a prescribed motion."""

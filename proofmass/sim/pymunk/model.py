@@ -33,6 +33,7 @@ from proofmass.sim.plane import PARALLEL_TOLERANCE, MotionPlane, find_plane
 from proofmass.sim.protocol.failures import BadModel, Unsupported
 from proofmass.sim.protocol.run import Rod, Run
 from proofmass.sim.pymunk.contacts import read_contacts
+from proofmass.sim.pymunk.kinematics import is_determined
 from proofmass.sim.pymunk.links import (
     STOP_MARGIN,
     LinkConstraint,
@@ -69,7 +70,7 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
         state = start_state(compiled, run)
         links = read_links(compiled, run.start, driven, run.rods, state)
     only = f", in {run.kind}; it is covered in dynamics"
-    for j in links.rubbing:
+    for j in links.rubbing if run.kind != "dynamics" else ():
         friction = f"frictionloss of joint '{links.joints[j].name}'"
         if run.loads:
             load = f"the load of actuator '{run.loads[0].actuator}', which changes"
@@ -87,15 +88,28 @@ def find_channels(links: Links, run: Run) -> tuple[dict[str, Sensor], dict[str, 
     """The channels of a run that pymunk delivers, and the reasons why others are missing."""
     of_rods = rod_channels(run) if run.rods else {}
     found = {name: read_channel(links, name) for name in run.channels if name not in of_rods}
-    if links.contacts:
+    if inseparable := forces_beside(links, run):
         found |= {
-            name: "pymunk does not separate forces of constraints and drives from those of contacts"
+            name: "pymunk does not separate forces of constraints and drives from those of "
+            f"{inseparable}"
             for name, c in found.items()
             if isinstance(c, Sensor) and c.order <= -2
         }
     missing = {name: why for name, why in found.items() if isinstance(why, str)}
     wanted = {name: c for name, c in found.items() if isinstance(c, Sensor)}
     return wanted, missing
+
+
+def forces_beside(links: Links, run: Run) -> str:
+    """What exerts forces beside constraints and drives of a size that is not known, or nothing.
+
+    Dry friction has its largest size where drives prescribe the motion of all joints.
+    """
+    if links.contacts:
+        return "contacts"
+    if run.kind == "dynamics" and links.rubbing_loose and not is_determined(links):
+        return "dry friction"
+    return ""
 
 
 def _compile(path: Path, run: Run) -> mujoco.MjModel:

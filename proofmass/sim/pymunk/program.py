@@ -44,10 +44,12 @@ from proofmass.sim.pymunk.space import (
     LinkDrive,
     Settings,
     SlideDrive,
+    SlideFriction,
     add_drives,
     body_point,
     build_space,
     make_constraints,
+    make_friction,
 )
 
 IMPOSED = Imposed("gear"), Imposed("motor")
@@ -384,6 +386,7 @@ def _render_program(
         ground=names[-1],
         pulls=writer.pulls(),
         parts=parts,
+        rubs=list(writer.rubs(space)),
         slides=bool(links.table.slides.any()),
         gears=bool(links.gears),
         drives=drives,
@@ -527,6 +530,27 @@ class Writer:
             else:
                 yield self._hold(owner, constraint, a, b, [together] if together else [])
                 together = ""
+
+    def rubs(self, space: pymunk.Space) -> Iterator[dict[str, Any]]:
+        """Comment and lines for the dry friction of each joint that is not driven."""
+        joints = self.links.rubbing_loose
+        bodies = [*space.bodies, space.static_body]
+        for j, motor in zip(joints, make_friction(self.links, joints, bodies), strict=True):
+            joint = self.links.joints[j]
+            a, b = self.names[joint.constraint.a], self.names[joint.constraint.b]
+            unit = JOINT_UNITS[joint.constraint.axis is None][1]
+            words = f"{describe(joint)}: dry friction of {joint.friction:g} {unit}"
+            if isinstance(motor, SlideFriction):
+                anchor = body_point(self.links, joint.constraint.b, joint.constraint.on_b)
+                make = f"GrooveJoint({a}, {b}, {as_tuple(motor.left)}, {as_tuple(motor.right)}, "
+                make += f"{as_tuple(anchor)})"
+                words += ", by a groove across it that has no bias"
+            else:
+                make = f"SimpleMotor({a}, {b}, 0.0)"
+            lines = [wrap_lines(f"friction = add(pymunk.{make})")]
+            lines += [f"friction.max_force = {literal(joint.friction)}"]
+            lines += ["friction.error_bias = 1.0"] * isinstance(motor, SlideFriction)
+            yield {"words": words, "lines": lines}
 
     def _spring(
         self,

@@ -676,7 +676,7 @@ class FrictionSweepState(SweepState):
 
     def __post_init__(self) -> None:
         self.own, self.real = self.links, list(self.drives)
-        self.loose = [j for j in self.own.rubbing if j not in self.own.driven]
+        self.loose = list(self.own.rubbing_loose)
         names = [self.own.joints[j].name for j in self.loose]
         if len(names) > MAX_FRICTION_JOINTS:
             raise Unsupported(
@@ -857,12 +857,12 @@ def start_sweep(links: Links, settings: Settings) -> SweepState:
             else iterations_needed(links, pose[None], START_ERROR_SHARE)
         )
         iterations = min(needed, MAX_START_ITERATIONS)
-    loose = set(links.rubbing) - set(links.driven)
+    loose = links.rubbing_loose
     dt, begin = _choose_step(links, pose), links.pose + _start_offset(links, moves)
 
     def held(kind: type[SweepState], rubs: bool) -> SweepState:
         space = build_undamped(links, iterations, settings["error_bias"])
-        friction = add_friction(space, links) if rubs else []
+        friction = add_friction(space, links, links.rubbing) if rubs else []
         return kind(
             links,
             space,

@@ -450,8 +450,8 @@ force."""
 class HingeFriction(pymunk.SimpleMotor):
     """Dry friction of a hinge: a motor of rate zero whose moment is limited.
 
-    The bodies of a sweep are at standstill, so the motor of a joint that slips has a rate against
-    the motion instead of zero, and the same limit of its moment.
+    That is all in a motion in time.  The bodies of a sweep are at standstill, so the motor of a
+    joint that slips has a rate against the motion instead of zero, and the same limit.
     """
 
     def __init__(self, joint: LinkJoint, bodies: Sequence[pymunk.Body]):
@@ -467,9 +467,17 @@ class HingeFriction(pymunk.SimpleMotor):
         """Hold the joint at its value, as far as it may."""
         self.rate, self.max_force = 0.0, self.joint.friction
 
+    def resist(self) -> None:
+        """Resist all motion in time."""
+        self.rate, self.max_force = 0.0, self.joint.friction
+
 
 class SlideFriction(SlideDrive):
-    """Dry friction of a slide: a drive with a limited force, since Chipmunk has no linear motor."""
+    """Dry friction of a slide: a drive with a limited force, since Chipmunk has no linear motor.
+
+    In a motion in time the groove stays where it is and corrects no deviation, with a bias of 1, so
+    that it makes the rate along the slide zero.
+    """
 
     def __init__(self, joint: LinkJoint, links: Links, bodies: Sequence[pymunk.Body]):
         super().__init__(joint, links, bodies)
@@ -485,18 +493,28 @@ class SlideFriction(SlideDrive):
         self.aim(value)
         self.max_force = self.joint.friction
 
+    def resist(self) -> None:
+        """Resist all motion in time."""
+        self.error_bias, self.max_force = 1.0, self.joint.friction
+
 
 FrictionMotor = HingeFriction | SlideFriction
 
 
-def add_friction(space: pymunk.Space, links: Links) -> list[FrictionMotor]:
-    """Add the motors of dry friction for all joints with dry friction."""
-    bodies = [*space.bodies, space.static_body]
-    found: list[FrictionMotor] = [
+def make_friction(
+    links: Links, joints: Iterable[int], bodies: Sequence[pymunk.Body]
+) -> list[FrictionMotor]:
+    """Make the motors of dry friction of joints by their ids, without adding them to a space."""
+    return [
         HingeFriction(joint, bodies)
         if joint.constraint.axis is None
         else SlideFriction(joint, links, bodies)
-        for joint in (links.joints[j] for j in links.rubbing)
+        for joint in (links.joints[j] for j in joints)
     ]
+
+
+def add_friction(space: pymunk.Space, links: Links, joints: Iterable[int]) -> list[FrictionMotor]:
+    """Add the motors of dry friction of joints by their ids."""
+    found = make_friction(links, joints, [*space.bodies, space.static_body])
     space.add(*found)
     return found

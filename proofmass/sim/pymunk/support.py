@@ -24,7 +24,14 @@ POSES = tuple(kind for kind in KINDS if kind not in IN_TIME)
 ONLY_IN_TIME = answers(KINDS, ACTS, irrelevant=POSES)
 ON_DRIVE = answers(KINDS, IRRELEVANT, refused=(RunKind.DRIVEN_MOTION,))
 FRICTION = answers(
-    KINDS, ACTS, partly=(RunKind.FREE_SWEEP,), refused=(*IN_TIME, RunKind.EQUILIBRIUM)
+    KINDS,
+    ACTS,
+    partly=(RunKind.FREE_SWEEP,),
+    refused=(RunKind.EQUILIBRIUM,),
+    withheld=(RunKind.DRIVEN_MOTION,),
+)
+FRICTION_ON_DRIVE = answers(
+    KINDS, ACTS, partly=(RunKind.FREE_SWEEP,), refused=(RunKind.EQUILIBRIUM,)
 )
 ACTING = (
     "stiffness of a joint",
@@ -41,7 +48,7 @@ ACTING = (
 OTHERS: dict[str, Answers | FeatureAnswer] = {
     "damping of a joint": ONLY_IN_TIME,
     "frictionloss of a joint": FRICTION,
-    "frictionloss of a driven joint": FRICTION,
+    "frictionloss of a driven joint": FRICTION_ON_DRIVE,
     "armature of a hinge on the ground": ONLY_IN_TIME,
     "range of a joint": PARTLY,
     "actuatorfrcrange of a driven joint": IRRELEVANT,

@@ -9,6 +9,7 @@ The errors fall with the step h as follows:
                                     error of h in rates, and may leave h^0 in accelerations
     contacts                        h at an impact, which is a step late; h^2 while a contact lasts
     dampers, servos with a rate     h: they use the rate before the step
+    dry friction of joints          h at a halt, late by a part of a step; h^2 between halts
 
 Chipmunk's step of a spring and a damper is stable for z^2 up to 2 (1 + exp(2 zeta z)), with
 z = h omega and the damping ratio zeta.
@@ -18,7 +19,7 @@ import numpy as np
 from mujoco import MjModel
 
 from proofmass.base.arrays import Array
-from proofmass.sim.contents import is_linear_in_joint, may_touch
+from proofmass.sim.contents import has_dry_friction, is_linear_in_joint, may_touch
 from proofmass.sim.protocol.theory import Scheme, Theory
 from proofmass.sim.protocol.tuning import Scan, Studied
 
@@ -65,7 +66,7 @@ class PymunkTheory(Theory):
             return (1.0, *braked) if derivative < 2 else (1.0, *braked, 0.0)
         if scan.varied != "timestep":
             return ()
-        if may_touch(about.model) or is_damped(about.model):
+        if may_touch(about.model) or is_damped(about.model) or has_dry_friction(about.model):
             return (1.0, 2.0)
         if not scan.settings[0].get("defaults"):
             return (2.0,)

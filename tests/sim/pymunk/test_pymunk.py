@@ -106,12 +106,6 @@ TWO_HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body><
         ),
         (ARM_BODY, "", {"gravity": "0 0 -9.81"}, "gravity"),
         (
-            ARM_BODY.replace('"arm"/>', '"arm" frictionloss=".1"/>'),
-            "",
-            {},
-            "frictionloss of joint 'arm'",
-        ),
-        (
             ARM_BODY.replace('"arm"/>', '"arm" damping="1 2"/>'),
             "",
             {},
