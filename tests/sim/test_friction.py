@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.analytic import planar
+from proofmass.analytic import planar, spatial
 from proofmass.analytic.balancer.friction import ChainWithFriction
 from proofmass.analytic.balancer.model import OTHER_DEFAULTS, balancer
 from proofmass.analytic.friction import follow_stick_slip
@@ -404,10 +404,20 @@ def test_a_drive_that_turns_back_between_samples_is_an_error():
     assert error.value.key == "run.sweep.n"
 
 
-def test_pymunk_refuses_friction_in_dynamics():
-    run = Run("dynamics", np.linspace(0, 0.1, 3), (), (Drive("shaft", Swing(0, 1, 1)),))
-    with pytest.raises(Unsupported, match="frictionloss of joint 'shaft' in dynamics"):
-        call_engine("pymunk", SHAFT_CASE.model_path, run)
+@pytest.mark.parametrize("solver", [planar, spatial])
+def test_a_pendulum_sticks_to_a_driven_shaft_and_slips_in_dynamics(solver):
+    """Where it sticks it turns with the shaft; both references and pymunk agree on the slip."""
+    t, profile = np.linspace(0, 2.0, 41), Swing(0, 2.0, 2.0)
+    run = Run("dynamics", t, ("slip",), (Drive("shaft", profile),))
+    file = shipped("shaft_pendulum.xml")
+    model = mujoco.MjModel.from_xml_path(str(file))
+    asked = {"model": model, "joints": ("shaft",), "in_time": (t, (profile,))}
+    known = solver.solve(*profile(t), **asked)["slip"]
+    stuck = np.flatnonzero(np.diff(known) == 0.0)
+    assert 3 < stuck.size < 30
+    assert np.ptp(known) > 0.5
+    found = call_engine("pymunk", file, run).channels["slip"]
+    assert np.abs(found - known).max() < 2e-3
 
 
 ROW_OF_LINKS = """<mujoco><option gravity="0 0 0"><flag contact="disable"/></option><worldbody>{}{}
