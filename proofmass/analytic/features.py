@@ -47,8 +47,15 @@ class Scope:
         return [self.data.tendons[t] for t in (tie.one, tie.two) if t >= 0]
 
     def is_gear(self, tie: TieData) -> bool:
-        """Whether an equality of joints is one of two hinges on the ground."""
-        return all(self.data.joints[j].is_hinge_on_ground for j in (tie.one, tie.two))
+        """Whether an equality of joints is one of two hinges that turn two bodies alone.
+
+        Both are on the ground, or one is on the ground, of an arm, and one on the arm, of a planet.
+        """
+        one, two = (self.data.joints[j] for j in (tie.one, tie.two))
+        if one.is_hinge_on_ground:
+            one, two = two, one
+        on_arm = one.kind == JointKind.HINGE and one.carrier == two.body
+        return two.is_hinge_on_ground and (one.is_hinge_on_ground or on_arm)
 
 
 Find = Callable[[Scope], Iterator[str]]
@@ -318,13 +325,13 @@ ALL_FEATURES = (
         "`<weld>`",
     ),
     ModelFeature(
-        "{}, of two hinges on the ground",
+        "{}, of hinges on the ground or of a planet and its arm",
         "joint equality",
         ties(EqualityKind.JOINT, lambda s, e: is_linear_tie(e) and s.is_gear(e)),
         "`<equality><joint>`",
     ),
     ModelFeature(
-        "{}, whose joints are not both hinges on the ground",
+        "{}, whose joints are no such hinges",
         "joint equality",
         ties(EqualityKind.JOINT, lambda s, e: is_linear_tie(e) and not s.is_gear(e)),
         "`<equality><joint>`",

@@ -18,6 +18,8 @@ from threading import Lock
 
 from proofmass.base.errors import InputError
 
+MODEL_ENDING, URDF_ENDING = ".xml", ".urdf"
+"""Endings of the files of models that are looked for in folders: MJCF and URDF."""
 PARTIAL_ENDING = ".part"  # ending of the name of a file that is being written
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, cast
 
 from proofmass.base.display import ShownAsHtml
 from proofmass.base.errors import InputError, model_error
-from proofmass.base.files import readable
+from proofmass.base.files import MODEL_ENDING, readable
 from proofmass.base.grouping import group_by
 from proofmass.base.strict import Kind
 from proofmass.base.worker import OutOfMemory, TimedOut, call_isolated
@@ -32,7 +32,6 @@ from proofmass.case.inputs import SIDECAR_ENDING, is_of_others, names_program
 from proofmass.sim.engines import NATIVE_ENGINE
 from proofmass.sim.model_source import (
     ADVICE,
-    MODEL_ENDING,
     SEARCHED_ENDINGS,
     SOURCE_ENDINGS,
     ModelSource,

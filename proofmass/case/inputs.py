@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from proofmass.base.errors import InputError
-from proofmass.base.files import read_bytes
+from proofmass.base.files import MODEL_ENDING, URDF_ENDING, read_bytes
 from proofmass.base.lines import COMMENT
-from proofmass.sim.model_source import MODEL_ENDING, URDF_ENDING
 
 REFERENCE = b"reference"  # the key that each sidecar has
 SIDECAR_ENDING = ".toml"

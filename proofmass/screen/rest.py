@@ -8,8 +8,6 @@ with the motions N that the loops allow and their multipliers l.  It counts if N
 definite at each pose on the way, so that the model is pulled there and stays.
 """
 
-import copy
-
 import mujoco
 import numpy as np
 
@@ -29,9 +27,7 @@ DEPENDENT_SHARE = 1e-10
 
 def find_rest(pose: RestPose) -> RestPose | None:
     """The stable rest pose to which a pose leads, within all ranges; None if there is none."""
-    rest = copy.copy(pose)
-    rest.data = copy.copy(pose.data)
-    rest.enter(rest.qpos)
+    rest = pose.elsewhere(pose.qpos)
     scale = max(float(np.abs(rest.forces).max(initial=0.0)), 1e-300)
     for _ in range(STEPS_TO_REST):
         motions = rest.constraints.motions

@@ -17,6 +17,7 @@ from proofmass.screen.contact_creep import judge_contact_creep
 from proofmass.screen.creep import judge_creep
 from proofmass.screen.energy import judge_energy
 from proofmass.screen.finding import FindingKind, ModelFinding, Severity
+from proofmass.screen.gimbal import judge_gimbals
 from proofmass.screen.linear import LinearMotion, VibrationMode
 from proofmass.screen.loops import judge_closing, judge_openings
 from proofmass.screen.mobility import Mobility, find_mobility, judge_mobility
@@ -171,6 +172,7 @@ def screen_motion(
         findings += judge_creep(model, key, data, motion)
         findings += judge_servos(model, key, pose, rest) if rest else []
     findings += [*judge_contact_creep(model, key), *judge_energy(model, key)]
+    findings += judge_gimbals(model, key)
     later, moved = run_as_it_is(model, key, FIRST_STEPS)
     stands = np.abs(moved).max() < STILL
     findings += [STANDS_STILL] if stands else judge_sensors(model, data, later)

@@ -23,7 +23,7 @@ of a velocity servo in Euler and RK4.
 `tests/screen/test_stable_step.py` compares limits with the steps at which bare MuJoCo breaks.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import mujoco
@@ -50,6 +50,8 @@ LONGEST_STEP, LONGEST_RATIO = 1.0, 50.0
 """Limits beyond 1 s, or 50 of the model's own steps, count as none."""
 FIRST_PHASE, LEAST_RATE = 0.5, 1e-3
 """The first step that is tried times the largest rate [1], and the least such rate [1/s]."""
+SAME_DAMPING = 1e-9
+"""Difference of two dampings, as a share of the largest, that is an error of differences."""
 BEYOND = 1.01
 """The mode that breaks is that of a step this much beyond the limit [1]."""
 
@@ -131,6 +133,7 @@ class StepMatrices:
         }
         self.implicit_stiffness = positive_part(motion.own_stiffness)
         self.flows: dict[bytes, Flow] = {}
+        self.limits: dict[str, StepLimit] = {}
 
     def flow(self, step: float) -> "Flow":
         """The motion with soft rows as they are with a time step; it is kept while they are."""
@@ -183,7 +186,28 @@ class StepMatrices:
         return more or bool(stepped.max() > FASTER * max(growth.max(), 1.0))
 
     def limit(self, integrator: str, own: float) -> StepLimit:
-        """The largest stable step, searched from far below; `own` is the model's step [s]."""
+        """The largest stable step; `own` is the model's step [s].
+
+        Integrators that are implicit in the same damping share it: at rest inertia damps nothing,
+        so that implicit and implicitfast do.
+        """
+        for name, known in self.limits.items():
+            if self.is_same_step(name, integrator):
+                return replace(known, integrator=integrator)
+        self.limits[integrator] = self.find_limit(integrator, own)
+        return self.limits[integrator]
+
+    def is_same_step(self, one: str, other: str) -> bool:
+        """Whether two integrators are implicit in the same damping, and in nothing else."""
+        if not {one, other} <= self.implicit_dampings.keys():
+            return False
+        dampings = self.implicit_dampings[one], self.implicit_dampings[other]
+        largest = max(float(np.abs(damping).max(initial=0.0)) for damping in dampings)
+        apart = np.abs(dampings[0] - dampings[1]).max(initial=0.0)
+        return bool(apart <= SAME_DAMPING * largest)
+
+    def find_limit(self, integrator: str, own: float) -> StepLimit:
+        """The largest stable step, searched from far below."""
         fastest = float(np.abs(self.flow(own).rates).max(initial=0.0))
         count = self.motion.masses.shape[0]
         factor = SCAN_FACTOR if count <= FINE_SCAN_UP_TO else COARSE_SCAN_FACTOR

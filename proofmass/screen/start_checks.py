@@ -20,8 +20,6 @@ DEEP_SHARE = 0.01
 """Depth of a contact, as a share of the model's extent, that is told as a warning."""
 TOUCHING = 1e-9
 """Least depth of a contact that is told [m]."""
-GIMBAL_LOCK = 0.05
-"""Volume of the box of three unit axes [1] below which they are near gimbal lock."""
 NO_ARM = 1e-12
 """Largest moment arm of an actuator that moves nothing [1 or m]."""
 MAX_NAMES = 4
@@ -32,7 +30,6 @@ def judge_start(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFin
     yield from judge_ranges(model, data)
     yield from judge_masses(model)
     yield from judge_inertias(model)
-    yield from judge_axes(model, data)
     yield from judge_contacts(model, data)
     yield from judge_actuators(model, data)
 
@@ -92,28 +89,6 @@ def judge_inertias(model: mujoco.MjModel) -> Iterator[ModelFinding]:
                 "check the inertial element",
                 body,
                 float(large),
-            )
-
-
-def judge_axes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ModelFinding]:
-    """Three hinges of a body that are near gimbal lock at the start."""
-    for b in range(1, model.nbody):
-        first = model.body_jntadr[b]
-        joints = [
-            j for j in range(first, first + model.body_jntnum[b]) if model.jnt_type[j] == HINGE
-        ]
-        if len(joints) != 3 or np.ptp(data.xanchor[joints], axis=0).max() > TOUCHING:
-            continue
-        if (volume := abs(float(np.linalg.det(data.xaxis[joints])))) < GIMBAL_LOCK:
-            body = named_element(model, "body", b)
-            yield ModelFinding(
-                FindingKind.GIMBAL,
-                Severity.WARNING,
-                f"the three hinges of {body} are near gimbal lock: the box of their axes has a "
-                f"volume of {number(volume, 2)}",
-                "use a ball joint, or start with the middle hinge elsewhere",
-                body,
-                volume,
             )
 
 

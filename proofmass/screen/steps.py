@@ -119,7 +119,7 @@ def limits_on_the_way(
 ) -> Iterator[tuple[float, float]]:
     """The limit of an integrator in poses of a run, and when [s]; at rest and with closed loops."""
     for time, qpos in course.poses:
-        there = RestPose(pose.model, qpos, pose.data.ctrl, pose.data.act)
+        there = pose.elsewhere(qpos)
         there.close()
         limit = StepMatrices(LinearMotion(there)).limit(integrator, pose.model.opt.timestep)
         yield limit.step, time

@@ -12,16 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from proofmass.base.errors import InputError
+from proofmass.base.files import MODEL_ENDING, URDF_ENDING
 from proofmass.sim.protocol.failures import BadModel
 
 if TYPE_CHECKING:
     import mujoco
 
-MODEL_ENDING, URDF_ENDING, BINARY_ENDING = ".xml", ".urdf", ".mjb"
-SOURCE_ENDINGS = MODEL_ENDING, URDF_ENDING, BINARY_ENDING
-"""Endings of files that a model is read from."""
+BINARY_ENDING = ".mjb"
 SEARCHED_ENDINGS = MODEL_ENDING, URDF_ENDING
 """Endings of the models that are looked for in folders; an MJB is read if it is named."""
+SOURCE_ENDINGS = *SEARCHED_ENDINGS, BINARY_ENDING
+"""Endings of files that a model is read from."""
 DEFAULT_NAME = "MuJoCo Model"  # the name that MuJoCo gives to a model without one
 ADVICE = {
     ".sdf": (

@@ -117,6 +117,8 @@ def read_urdf(path: Path, within: Path | None = None) -> UrdfModel:
             try:
                 spec = mujoco.MjSpec.from_string(robot.as_text())
                 model = spec.compile()
+            except RecursionError:
+                raise BadModel(f"{path.name}: its elements are nested too deeply") from None
             except (ValueError, mujoco.FatalError) as error:
                 if not robot.drop_unreadable_mesh(str(error)):
                     raise robot.refusal(error, spec) from None
@@ -143,7 +145,7 @@ def parse_urdf(path: Path) -> Element:
         )
     try:
         root = ElementTree.fromstring(content.lstrip())
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # LookupError: its encoding
         raise BadModel(f"{path.name}: no valid XML: {error}") from None
     if root.tag != "robot":
         raise BadModel(

@@ -106,15 +106,33 @@ def test_moments_of_inertia_that_no_body_can_have_are_told():
     assert finding_of(good, FindingKind.INERTIA)
 
 
+HINGES = '<joint axis="1 0 0"/><joint axis="0 1 0"/><joint axis="0 0 1"/>'
+GIMBALS = (
+    f'<mujoco><option gravity="0 0 0"/><worldbody><body>{HINGES}<geom size=".1"/></body>'
+    '</worldbody><keyframe><key qpos="0 {} 0" qvel="0 {} 0"/></keyframe></mujoco>'
+)
+
+
 def test_three_hinges_near_gimbal_lock_are_told():
-    hinges = '<joint axis="1 0 0"/><joint axis="0 1 0"/><joint axis="0 0 1"/>'
-    xml = (
-        f'<mujoco><worldbody><body>{hinges}<geom size=".1"/></body></worldbody>'
-        '<keyframe><key qpos="0 {} 0"/></keyframe></mujoco>'
-    )
-    assert not finding_of(mujoco.MjModel.from_xml_string(xml.format(0.5)), FindingKind.GIMBAL)
-    [found] = finding_of(mujoco.MjModel.from_xml_string(xml.format(1.57)), FindingKind.GIMBAL)
-    assert found.value == pytest.approx(np.cos(1.57), rel=1e-6)
+    def found(angle, rate=0.0):
+        model = mujoco.MjModel.from_xml_string(GIMBALS.format(angle, rate))
+        return finding_of(model, FindingKind.GIMBAL)
+
+    assert not found(0.5)
+    [lock] = found(1.57)
+    assert lock.value == pytest.approx(np.cos(1.57), rel=1e-6)
+    assert "near gimbal lock: the box" in lock.text
+    # the middle hinge of a ball turns freely, so that it is at pi / 2 after 0.5354 s
+    [passed] = found(0.5, 2.0)
+    assert "near gimbal lock 0.51 s after the start" in passed.text  # |cos b| is 0.05 there
+    assert passed.value == pytest.approx(0.05, abs=5e-3)
+    assert not found(0.5, 0.5)  # it comes to 1 rad
+
+
+def test_hinges_that_pass_gimbal_lock_within_a_step_are_told():
+    model = mujoco.MjModel.from_xml_string(GIMBALS.format(0.5, 80.0))  # 0.16 rad a step
+    [passed] = finding_of(model, FindingKind.GIMBAL)
+    assert passed.value < 0.05
 
 
 def test_an_upright_pendulum_at_rest_is_an_unstable_equilibrium():

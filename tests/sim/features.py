@@ -277,13 +277,13 @@ CHANGED: dict[str, Changed] = {
         False,
         "tie",
     ),
-    "joint equality, of two hinges on the ground": Changed(
+    "joint equality, of hinges on the ground or of a planet and its arm": Changed(
         with_equality('<joint name="tie" joint1="a" joint2="c" polycoef=".05 .5 0 0 0"/>'),
         True,
         False,
         "tie",
     ),
-    "joint equality, whose joints are not both hinges on the ground": Changed(
+    "joint equality, whose joints are no such hinges": Changed(
         with_equality('<joint name="tie" joint1="b" joint2="c" polycoef="-.25 .5 0 0 0"/>'),
         True,
         False,

@@ -285,6 +285,8 @@ def test_files_of_another_kind_are_refused(tmp_path):
         ("<sdf version='1.9'/>", "a.urdf: the root element of a URDF is <robot>, and here it is"),
         ("", "a.urdf: no valid XML: no element found: line 1, column 0"),
         ("<robot \0", "a.urdf: no valid XML: not well-formed (invalid token): line 1, column 7"),
+        ("<?xml version='1.0' encoding='x'?><robot/>", "a.urdf: no valid XML: unknown encoding: x"),
+        (f"<robot>{BASE}{'<a>' * 5000}{'</a>' * 5000}</robot>", "a.urdf: its elements are nested"),
     ):
         file = tmp_path / "a.urdf"
         file.write_text(text)

@@ -140,8 +140,8 @@ class JointData:
         Time constant and damping ratio of the limit, or its negative stiffness and damping [SI].
     force_range : tuple of float
         Smallest and largest total force of the actuators on a hinge or slide [N m or N].
-    on_ground_alone : bool
-        Whether its body hangs on the ground by this joint alone.
+    carrier : int
+        The body that its body hangs on by this joint alone, 0 for the ground; -1 if it has others.
     """
 
     name: str
@@ -162,7 +162,7 @@ class JointData:
     margin: float
     limit_solref: Array
     force_range: tuple[float, float]
-    on_ground_alone: bool
+    carrier: int
 
     @property
     def is_scalar(self) -> bool:
@@ -182,7 +182,7 @@ class JointData:
     @property
     def is_hinge_on_ground(self) -> bool:
         """Whether it is the only joint of its body, a hinge on the ground."""
-        return self.kind == JointKind.HINGE and self.on_ground_alone
+        return self.kind == JointKind.HINGE and self.carrier == 0
 
 
 def read_body(model: Any, b: int) -> BodyData:
@@ -214,7 +214,7 @@ def read_joint(model: Any, j: int) -> JointData:
         not is_disabled(model, flags)
         for flags in (SPRING_FLAGS, DAMPER_FLAGS, FRICTION_FLAGS, LIMIT_FLAGS)
     )
-    ground = model.body_weldid[model.body_parentid[body]] == 0
+    alone = model.body_jntnum[body] == 1
     return JointData(
         model.joint(j).name,
         kind,
@@ -234,7 +234,7 @@ def read_joint(model: Any, j: int) -> JointData:
         float(model.jnt_margin[j]),
         np.array(model.jnt_solref[j]),
         read_range(model.jnt_actfrcrange[j], bool(model.jnt_actfrclimited[j])),
-        bool(ground and model.body_jntnum[body] == 1),
+        int(model.body_weldid[model.body_parentid[body]]) if alone else -1,
     )
 
 

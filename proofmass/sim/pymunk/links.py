@@ -170,9 +170,10 @@ class JointTable(ConstraintTable):
 
 @dataclass(frozen=True)
 class LinkGear:
-    """A gear: two links on hinges of the ground whose rotations have a constant ratio.
+    """A gear: two links whose rotations since the start have a constant ratio.
 
-    The rotation of link `a` since the start is `ratio` times that of link `b`, less `phase` [rad].
+    Both are on hinges of the ground, or one is an arm and one is its planet.  The rotation of link
+    `a` is `ratio` times that of link `b`, less `phase` [rad].
     """
 
     name: str

@@ -615,20 +615,32 @@ def _read_loops(
     return tuple(loops)
 
 
+STILL_RATIO = 1e-12
+"""Ratio of a gear below which it is rounding of 0: Chipmunk divides by the ratio."""
+
+
 def _read_gears(model: mujoco.MjModel, joints: tuple[LinkJoint, ...]) -> Iterator[LinkGear]:
-    """The joint equalities as gears."""
+    """The joint equalities as gears.
+
+    With the turns A and B of both joints' links since the start, an equality of two joints on the
+    ground is A = r B - phase.  A planet on an arm B turns by A - B relative to it, so that
+    A = (1 + r) B - phase; with r = -1 it keeps its direction, and is geared to the ground.
+    """
     for e in np.flatnonzero(model.eq_active0 & (model.eq_type == EQ.mjEQ_JOINT)):
         one, two = (joints[j] for j in (model.eq_obj1id[e], model.eq_obj2id[e]))
         zeros = model.qpos0[model.jnt_qposadr[[model.eq_obj1id[e], model.eq_obj2id[e]]]]
         level, slope = model.eq_data[e, :2].tolist()
         lacks = one.value - zeros[0] - level - slope * (two.value - zeros[1])
-        yield LinkGear(
-            equality_name(model, e),
-            one.constraint.b,
-            two.constraint.b,
-            slope * one.sign * two.sign,
-            float(one.sign * lacks),
-        )
+        ratio, phase = slope * one.sign * two.sign, float(one.sign * lacks)
+        (ground, a), (other, b) = ((one.constraint.a, one.constraint.b) for one in (one, two))
+        if ground == b:  # `one` is the planet's joint
+            ground, ratio = other, 1.0 + ratio
+        elif other == a:  # `two` is: (1 + r) A = r B - phase
+            a, b = b, a
+            ratio, phase = (1.0 + ratio) / ratio, -phase / ratio
+        if abs(ratio) < STILL_RATIO:
+            b, ratio = ground, 1.0
+        yield LinkGear(equality_name(model, e), a, b, ratio, phase)
 
 
 def _find_extent(

@@ -37,7 +37,7 @@ ACTING = (
     "stiffness of a joint",
     "polynomial stiffness of a joint",
     "actuatorfrcrange of a joint with motors",
-    "joint equality, of two hinges on the ground",
+    "joint equality, of hinges on the ground or of a planet and its arm",
     "stiffness of a tendon",
     "an actuator, which is a motor on a joint",
     "an actuator, which is a servo on a joint",
