@@ -442,14 +442,10 @@ def new_command(
             raise ValueError(
                 "--output does not go with --from: the sidecar is written into the model's folder"
             )
-        elif model.suffix == ".urdf":
-            from proofmass.commands.new_from_urdf import write_from_urdf
-
-            files, messages = write_from_urdf(name, model)
         else:
-            from proofmass.commands.new_from_model import write_proposal
+            from proofmass.commands.new_from_urdf import write_from_file
 
-            files, messages = write_proposal(name, model)
+            files, messages = write_from_file(name, model)
     for file in files:
         print(file)
     for line in messages:

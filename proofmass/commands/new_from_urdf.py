@@ -1,17 +1,33 @@
 """``proofmass new NAME --from ROBOT.urdf``: an MJCF beside the URDF, and a sidecar for it.
 
 MuJoCo reads the URDF; the MJCF gets sensors and the sidecar as if it had been given, see
-`proofmass.commands.new_from_model`.
+`proofmass.commands.new_from_model`, which has a model in MJCF to itself.
 """
 
 from pathlib import Path
 from secrets import token_hex
 
 from proofmass.base.errors import InputError, model_error
-from proofmass.base.files import write_atomically
+from proofmass.base.files import URDF_ENDING, write_atomically
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.commands.new_from_model import INSPECTION_SECONDS, write_proposal
+from proofmass.sim.model_source import ADVICE, BINARY_ENDING, NO_TEXT
 from proofmass.sim.protocol.failures import BadModel
+
+
+def write_from_file(name: str, model: Path) -> tuple[list[Path], list[str]]:
+    """Do what `write_proposal` or `write_from_urdf` does, by the ending of the model's file.
+
+    Raises
+    ------
+    InputError
+        See these; also for a file in another format.
+    """
+    if model.suffix == URDF_ENDING:
+        return write_from_urdf(name, model)
+    if why := {**ADVICE, BINARY_ENDING: NO_TEXT}.get(model.suffix):
+        raise InputError(model, "", why)
+    return write_proposal(name, model)
 
 
 def write_from_urdf(name: str, urdf: Path) -> tuple[list[Path], list[str]]:

@@ -30,7 +30,7 @@ from proofmass.screen.soft_loops import judge_soft_loops, judge_stops
 from proofmass.screen.start_checks import judge_sensors, judge_start
 from proofmass.screen.steps import StableSteps, find_stable_steps, judge_steps
 from proofmass.sim.mjcf import collected_warnings
-from proofmass.sim.model_source import ModelSource
+from proofmass.sim.model_source import ModelSource, source_of_object
 
 LINEARISED_UP_TO = 300
 """Coordinates up to which a motion is linearised; 300 take about 10 s."""
@@ -89,13 +89,13 @@ class Screen:
         return self.file.name if self.file else "model"
 
 
-def screen_model(model: mujoco.MjModel | Path | str) -> Screen:
+def screen_model(model: mujoco.MjModel | mujoco.MjSpec | Path | str) -> Screen:
     r"""Say what a model is, what is wrong with it at its start, and which time steps it bears.
 
     Parameters
     ----------
-    model : MjModel or path
-        A compiled model, or a file: an MJCF, a URDF or an MJB.
+    model : MjModel, MjSpec or path
+        A model, which stays as it is, or a file: an MJCF, a URDF or an MJB.
 
     Returns
     -------
@@ -125,6 +125,8 @@ def screen_model(model: mujoco.MjModel | Path | str) -> Screen:
     """
     if isinstance(model, Path | str):
         return screen_source(ModelSource(Path(model)))
+    if isinstance(model, mujoco.MjSpec):
+        return screen_source(source_of_object(model, str))
     return screen_compiled(model, None)
 
 

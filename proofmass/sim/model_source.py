@@ -30,9 +30,11 @@ ADVICE = {
         "sdformat and gz-math, or give the URDF"
     ),
     ".xacro": "macros of xacro are not expanded here; write the URDF first: xacro FILE > NAME.urdf",
+    ".mjcf": "an MJCF is read if its name ends in .xml; rename it",
     ".usd": "USD is not read; give an MJCF, a URDF or an MJB",
 }
 """What to do with models in other formats, by the ending of the file."""
+NO_TEXT = "a compiled model has no text to write sensors into; give the MJCF that it was made of"
 
 
 class SourceReading(NamedTuple):

@@ -42,11 +42,14 @@ takes 20 s to say that they are too many."""
 LEFT_OUT = {
     "transmission": "transmission",
     "gazebo": "gazebo element",
+    "include": "include",
     "sensor": "sensor",
     "safety_controller": "safety controller",
     "calibration": "calibration",
 }
 """Elements that MuJoCo does not read, and what they are."""
+MUJOCO_TAGS = "compiler", "option", "size"
+"""Elements of ``<mujoco>`` in a URDF that MuJoCo 4.0.0 reads; it passes over all others."""
 XACRO_TAG = re.compile(rb"<xacro:\w+")
 """A macro of xacro; its namespace alone stays in a file in which all macros are expanded."""
 ERROR_AT_LINE = re.compile(r" ?Element '(\w+)', line (\d+)")
@@ -421,6 +424,9 @@ class Robot:
             )
         yield from self.lost_in_joints(model)
         lost = Counter(one.tag for one in original.root.iter())
+        unread = (one for one in original.root.findall("mujoco/*") if one.tag not in MUJOCO_TAGS)
+        if names := dict.fromkeys(f"<{one.tag}>" for one in unread):
+            yield f"not carried over: {format_list(names)} in <mujoco>, where MuJoCo reads none"
         parts = [format_count(lost[tag], what) for tag, what in LEFT_OUT.items() if lost[tag]]
         if parts:
             yield f"not carried over: {format_list(parts)}"

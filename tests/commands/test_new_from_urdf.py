@@ -7,6 +7,7 @@ from proofmass.base.errors import InputError
 from proofmass.batch.check import check
 from proofmass.commands import new_from_urdf
 from proofmass.commands.cli import app
+from proofmass.sim.model_source import ADVICE, NO_TEXT
 from tests.sim.test_urdf import BASE, MESH, joint, link
 
 ARM = (
@@ -61,3 +62,13 @@ def test_a_urdf_without_a_case_is_one_line_and_leaves_nothing(urdf, monkeypatch)
         answer = CliRunner().invoke(app, ["new", "arm", "--from", str(urdf)])
         assert (answer.exit_code, answer.output) == (2, f"error: {urdf}: {message}\n")
         assert [file.name for file in urdf.parent.iterdir()] == ["robot.urdf"]
+
+
+@pytest.mark.parametrize("ending", [".sdf", ".mjb", ".mjcf", ".usd", ".xacro"])
+def test_other_formats_are_one_line(tmp_path, ending):
+    file = tmp_path / f"robot{ending}"
+    file.write_text("<x/>")
+    answer = CliRunner().invoke(app, ["new", "arm", "--from", str(file)])
+    assert answer.exit_code == 2
+    assert answer.output == f"error: {file}: {ADVICE.get(ending, NO_TEXT)}\n"
+    assert [one.name for one in tmp_path.iterdir()] == [file.name]

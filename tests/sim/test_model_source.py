@@ -81,6 +81,11 @@ def test_a_specification_keeps_its_assets_and_is_not_changed():
     assert len(spec.bodies) == before
 
 
+def test_a_specification_is_screened():
+    spec = mujoco.MjSpec.from_string(PENDULUM.format(""))
+    assert screen_model(spec).mobility.dof == 1
+
+
 def test_a_specification_that_does_not_compile_is_one_line():
     spec = mujoco.MjSpec.from_string('<mujoco model="arm"><worldbody/></mujoco>')
     spec.worldbody.add_body(name="crank").add_joint(name="pin")

@@ -130,6 +130,23 @@ def test_what_is_left_out_or_assumed_is_said(write):
     assert found.model.neq == 1  # the mimic of the elbow
 
 
+def test_elements_that_mujoco_passes_over_are_said(write):
+    """It reads some of its own elements in a URDF, and no other file."""
+    other = write('<option timestep="0.1"/>', name="other.xml")
+    own = (
+        f'<include file="{other}"/><mujoco><option timestep="0.01"/><include file="{other}"/>'
+        '<actuator><motor joint="shoulder"/></actuator><actuator/></mujoco>'
+    )
+    found = read_urdf(
+        write(own, BASE, UPPER, ELBOW.replace("upper", "base").replace("lower", "upper"))
+    )
+    assert found.remarks == (
+        "not carried over: <include> and <actuator> in <mujoco>, where MuJoCo reads none",
+        "not carried over: 2 includes",
+    )
+    assert (found.model.opt.timestep, found.model.nu) == (0.01, 0)
+
+
 def test_equal_limits_that_mujoco_ignores_are_said(write):
     limit = '<limit lower="0" upper="0" effort="1" velocity="0"/>'
     found = read_urdf(write(BASE, UPPER, joint("shoulder", "base", "upper", limit, "revolute")))
