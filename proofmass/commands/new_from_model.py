@@ -30,10 +30,14 @@ from proofmass.sim.engines import default_engines
 from proofmass.sim.model_source import ModelSource
 from proofmass.sim.protocol.failures import BadModel
 
-INSPECTION_SECONDS = 240.0
-"""Processor time to compile a model, and to drive its joints or to solve its motion closely [s]."""
+INSPECTION_SECONDS = 60.0
+"""Processor time to compile a model, and to drive its joints or to solve its motion closely [s].
+Most models take a few seconds, see `benchmarks.proposals`; a motion of 1e6 turns a second takes
+hours."""
 COMMENTED_FINDINGS = 4
 """Largest number of findings of the first screen that are comments of a sidecar."""
+SAID_BY_RUNS = FindingKind.CHANGE_POINT, FindingKind.NOTHING_MOVES
+"""Findings that the sentence on the run says: it stops before a change point, and moves."""
 NOTHING_MOVES = (
     "nothing moves: it starts at rest, and no force acts on its joints; give its key rates (qvel) "
     "or controls (ctrl), or write a sidecar with a [[drive]] for each degree of freedom"
@@ -147,14 +151,11 @@ def propose(
 
 
 def describe_findings(screen: Screen | None) -> list[str]:
-    """What the first screen finds wrong, a sentence each, the worst first.
-
-    A drive stops before a change point, so that its sentence names it.
-    """
+    """What the first screen finds wrong, a sentence each, the worst first."""
     found = [
         one
         for one in (screen.findings if screen else ())
-        if one.severity > Severity.NOTE and one.kind is not FindingKind.CHANGE_POINT
+        if one.severity > Severity.NOTE and one.kind not in SAID_BY_RUNS
     ]
     words = [f"First screen: {one}." for one in found[:COMMENTED_FINDINGS]]
     if more := len(found) - len(words):

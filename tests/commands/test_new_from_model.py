@@ -14,14 +14,15 @@ from proofmass.commands import new_from_model
 from proofmass.commands.cli import app
 from proofmass.commands.new_from_model import write_proposal
 from proofmass.commands.proposal import joint_range
+from proofmass.commands.proposal.flat_model import flat_tree
 from proofmass.commands.proposal.inspection import ModelSummary, inspect_model
 from proofmass.commands.proposal.measured_tolerance import (
     describe_far_off,
     measured_tolerances,
     round_up,
 )
-from proofmass.commands.proposal.model_copy import missing_sensors
-from proofmass.commands.proposal.mutant import flat_tree, try_mutants
+from proofmass.commands.proposal.model_copy import missing_sensors, with_named_key
+from proofmass.commands.proposal.mutant import try_mutants
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve
 from proofmass.sim.contents import mechanism_dof
@@ -395,6 +396,15 @@ def test_a_key_without_a_name_gets_one_in_a_copy(tmp_path):
     assert '<key name="start" qpos="0.1"/>' in copy.read_text()
     assert "Its key has no name; in mine.xml it is named start." in messages
     assert load_case(sidecar).start == "start"
+
+
+def test_keys_that_no_element_states_are_the_initial_pose(tmp_path):
+    model = tmp_path / "pendulum.xml"
+    model.write_text(PENDULUM.replace("<worldbody>", '<size nkey="2"/><worldbody>'))
+    named = tmp_path / "named.xml"
+    named.write_text(with_named_key(model))
+    assert [compile_model(named).key(0).name, *compile_model(named).key(0).qpos] == ["start", 0.0]
+    assert inspect_model(named).start == "start"
 
 
 def test_a_key_without_a_name_in_an_included_file_is_refused(tmp_path):

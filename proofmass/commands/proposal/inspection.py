@@ -70,6 +70,9 @@ INSPECTION_WORK = 12.0
 what the reference itself takes, since only the time is needed."""
 
 
+NAME_THE_KEY = 'its key has no name; write <key name="start" …/>'
+
+
 class UnnamedKey(InputError):
     """A model has keys, and none has a name, by which a sidecar could choose one."""
 
@@ -180,7 +183,7 @@ def inspect_model(path: Path) -> ModelSummary:
     names = key_names(model)
     start = "start" if "start" in names else next(filter(None, names), "")
     if names and not start:
-        raise UnnamedKey(path, "", 'its key has no name; write <key name="start" …/>')
+        raise UnnamedKey(path, "", NAME_THE_KEY)
     refuse_unusable_start(path, model, start)
     try:
         mechanism, plane = read(model, start)

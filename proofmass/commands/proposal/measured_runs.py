@@ -233,7 +233,7 @@ def measure_driven_motion(proposal: Proposal, case: Case, solver: str) -> Measur
     if run is not first:
         proposal.steps[solver] = own / divisor
         proposal.step_comments[solver] = (
-            f"the model's own step is {format_seconds(own)}: {describe_error(first.found)}"
+            f"the model's own step is {format_seconds(own)}: {describe_largest(first.found)[0]}"
         )
     return run
 
@@ -304,27 +304,31 @@ def finer_steps(own: float, fails: bool, stable: StableSteps | None) -> Iterator
 def describe_own(proposal: Proposal, own: MeasuredRun, stable: StableSteps | None) -> str:
     """What the model does with its own step."""
     step = f"the model's own step is {format_seconds(proposal.look.timestep)}"
+    limit = ""
+    if stable and stable.ratio > 1.0:
+        limit = f"; {describe_ratio(stable)}, set{describe_cause(stable)}"
     if not own.failed:
         hidden = f"hides {own.trial.tried[-1]}" if own.trial and own.trial.tried else "is too large"
-        return f"{step}: {describe_error(own.found)}, which {hidden}"
-    limit = ""
-    if stable and isfinite(stable.limit):
-        limit = f"; {describe_ratio(stable)}, set{describe_cause(stable)}"
+        return f"{step}: {describe_largest(own.found)[0]}, which {hidden}{limit}"
     return f"{step}: {own.failed}{limit}"
 
 
 def describe_error(found: list[Comparison]) -> str:
-    """A phrase on the largest error of a run."""
-    errors = [c for c in found if isfinite(c.error_max)]
-    if not errors:
-        return f"{found[0].outcome}: {found[0].message}"
-    largest = max(errors, key=lambda c: c.nrmse if isnan(c.allowed) else c.error_max / c.allowed)
-    phrase = (
-        f"largest error {largest.error_max:.2g} {format_unit(largest.unit)}of {largest.channel}"
-    )
-    if largest.outcome != Outcome.DIFFERS or largest.run == "sweep":
+    """A phrase on the largest error of a run, and what to do if it is too large."""
+    phrase, largest = describe_largest(found)
+    if largest is None or largest.outcome != Outcome.DIFFERS or largest.run == "sweep":
         return phrase
     return (
         f"{phrase}, where {largest.allowed:.2g} {largest.unit} is allowed; `proofmass choose` "
         "finds a setting that is closer"
     )
+
+
+def describe_largest(found: list[Comparison]) -> tuple[str, Comparison | None]:
+    """A phrase on the largest error of a run, and its comparison; None if no curve has an error."""
+    errors = [c for c in found if isfinite(c.error_max)]
+    if not errors:
+        return f"{found[0].outcome}: {found[0].message}", None
+    largest = max(errors, key=lambda c: c.nrmse if isnan(c.allowed) else c.error_max / c.allowed)
+    unit = format_unit(largest.unit)
+    return f"largest error {largest.error_max:.2g} {unit}of {largest.channel}", largest

@@ -8,7 +8,8 @@ from xml.sax.saxutils import quoteattr
 
 from proofmass.base.errors import InputError
 from proofmass.base.files import read_text, write_atomically
-from proofmass.commands.proposal.inspection import ModelSummary
+from proofmass.commands.proposal.flat_model import flat_tree
+from proofmass.commands.proposal.inspection import NAME_THE_KEY, ModelSummary
 
 SENSOR_TEMPLATES = {
     "jointpos": ("{}", "<jointpos name={new} joint={name}/>"),
@@ -70,16 +71,20 @@ class ModelCopy:
 def with_named_key(model: Path) -> str:
     """The model's text with the name ``start`` of its first key.
 
+    A model may have keys that no element states, ``<size nkey="5"/>``: one is written then.
+
     Raises
     ------
     InputError
-        No key is in this file.
+        Its keys are in an included file.
     """
     text = read_text(model)
     named, count = FIRST_KEY.subn(r'\1 name="start"', text, count=1)
-    if not count:
-        raise InputError(model, "", 'its key has no name; write <key name="start" …/>')
-    return named
+    if count:
+        return named
+    if next(flat_tree(model).iter("key"), None) is not None:
+        raise InputError(model, "", NAME_THE_KEY)
+    return with_elements(model, '  <keyframe>\n    <key name="start"/>\n  </keyframe>\n')
 
 
 def missing_sensors(look: ModelSummary) -> list[str]:
@@ -102,9 +107,13 @@ def missing_sensors(look: ModelSummary) -> list[str]:
 
 def with_sensors(model: Path, new_sensors: list[str]) -> str:
     """The model's text with more sensors."""
-    text = read_text(model)
-    head, end, tail = text.rpartition("</mujoco>")
+    inside = "".join(f"    {one}\n" for one in new_sensors)
+    return with_elements(model, f"  <sensor>\n{inside}  </sensor>\n")
+
+
+def with_elements(model: Path, elements: str) -> str:
+    """The model's text with more elements at its end."""
+    head, end, tail = read_text(model).rpartition("</mujoco>")
     if not end:
-        raise InputError(model, "", "no </mujoco> to write sensors before")
-    inside = "\n".join(f"    {one}" for one in new_sensors)
-    return f"{head}\n  <sensor>\n{inside}\n  </sensor>\n{end}{tail}"
+        raise InputError(model, "", "no </mujoco> to write elements before")
+    return f"{head}\n{elements}{end}{tail}"

@@ -22,13 +22,14 @@ from mujoco import mjtJoint
 from proofmass.base.errors import InputError
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
+from proofmass.commands.proposal.flat_model import flat_tree
 from proofmass.evidence.changed import model_source, numbers_of_case, with_changed_model
 from proofmass.reference.case_model import compiled_model
 from proofmass.reference.run_reference import shared_reference
 from proofmass.run.solve import solve_here
 from proofmass.sim.contents import SCALAR_JOINT_UNITS
 from proofmass.sim.elements import NotWritten, Number, Place, Source
-from proofmass.sim.mjcf import DISABLE_BITS, read_tree
+from proofmass.sim.mjcf import DISABLE_BITS
 from proofmass.sim.numbers import element_name
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.verdict.compare import compare
@@ -234,30 +235,3 @@ def with_file(case: Case, folder: Path, text: str) -> Case:
     folder.mkdir()
     (folder / FLAT_NAME).write_text(text, encoding="utf-8")
     return case.model_copy(update={"file": folder / case.file.name, "model": FLAT_NAME})
-
-
-def flat_tree(model: Path) -> Element:
-    """The elements of a model with those of included files, and its folders as absolute paths."""
-    tree = read_tree(model)
-    include_files(tree, model.parent.absolute())
-    given = {k: v for one in tree.iter("compiler") for k, v in one.attrib.items()}
-    for one in tree.iter("compiler"):
-        for key in ("assetdir", "meshdir", "texturedir"):
-            one.attrib.pop(key, None)
-    folders = {
-        key: str(model.parent.absolute() / given.get(key, given.get("assetdir", "")))
-        for key in ("meshdir", "texturedir")
-    }
-    SubElement(tree, "compiler", folders)
-    return tree
-
-
-def include_files(element: Element, folder: Path) -> None:
-    """Replace each ``<include>`` below an element by the elements of the file, in this place."""
-    for k, child in reversed(list(enumerate(element))):
-        if child.tag != "include":
-            include_files(child, folder)
-            continue
-        included = read_tree(folder / child.get("file", ""))
-        include_files(included, folder)
-        element[k : k + 1] = list(included)
