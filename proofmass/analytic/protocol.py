@@ -546,6 +546,12 @@ class ClosedForm(Reference):
         cls.function, cls.describe_mechanism = staticmethod(function), properties
         cls.parameters = with_defaults_of(function, cls)
 
+    @classmethod
+    def is_driven(cls) -> bool:
+        """Whether its function takes the motion of a drive, not the time alone."""
+        takes = inspect.signature(cls.function).parameters.values()
+        return sum(one.kind is one.POSITIONAL_OR_KEYWORD for one in takes) > 1
+
     def check(self, values: Mapping[str, Value]) -> None:
         """Leave the check of numbers to the function, and refuse a text in the place of one."""
         for name, value in values.items():

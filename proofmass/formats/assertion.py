@@ -80,6 +80,7 @@ def is_checkable(given: Any) -> bool:
 def lines_of_check(result: Result) -> Iterator[str]:
     """Lines on what does not agree in a check; none if all is well."""
     if not result.exit_code:
+        yield from () if result.comparisons else ("nothing is checked",)
         return
     yield from lines_of_comparisons(result.comparisons)
     yield from (f"error: {error}" for error in result.errors)

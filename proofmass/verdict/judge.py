@@ -17,9 +17,10 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 from pydantic import ValidationError
 
-from proofmass.analytic.protocol import InputMotion
+from proofmass.analytic.protocol import ClosedForm, InputMotion
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError, suggest_names
+from proofmass.base.files import MODEL_ENDING
 from proofmass.base.recording import Recorded
 from proofmass.base.strict import Kind
 from proofmass.base.units import (
@@ -276,7 +277,8 @@ def given_curves(
     require_rising(time)
     drives = read_drives(drive, columns, time)
     state = curves.drive if isinstance(curves, Curves) and not drives else state_of(drives, time)
-    bare = bare_case(Path(reference), parameters or {}, time.in_si, model, start, drives, name)
+    bare = bare_case(reference, parameters or {}, time.in_si, model, start, drives, name)
+    require_drive_and_model(bare, state, model)
     found = choose_channels(bare, time.in_si, state, columns, led_columns(drive), equals)
     case = make_case({**dict(bare), "channels": found}, bare.file)
     needed = Curves(time.in_si, {one: columns[one].in_si for one in found}, drive=state)
@@ -287,8 +289,24 @@ def given_curves(
     return GivenCurves(case, needed)
 
 
+def require_drive_and_model(case: Case, state: DriveState | None, model: Path | str | None) -> None:
+    """Raise `InputError` unless a reference gets the drive and the model that it needs."""
+    reference = reference_class(case)
+    if reference is not None and issubclass(reference, ClosedForm):
+        if reference.is_driven() and state is None:
+            raise case.error(
+                "drive",
+                f"missing: {case.reference} is driven; give the motion of its drive, such as "
+                "drive=('angle', 'rate', 'acceleration'), names of columns",
+            )
+        if not reference.is_driven() and state is not None:
+            raise case.error("drive", f"{case.reference} has no drive; leave it out")
+    if reference is not None and reference.reads_model and model is None:
+        raise case.error("model", f"missing: {case.reference} reads an MJCF; give model='NAME.xml'")
+
+
 def bare_case(
-    reference: Path,
+    reference: Path | str,
     parameters: Mapping[str, float | str],
     times: Array,
     model: Path | str | None,
@@ -297,23 +315,24 @@ def bare_case(
     name: str,
 ) -> Case:
     """The case of a reference, before its channels are known."""
-    is_file = reference.suffix in (PROGRAM_ENDING, RECORDED_ENDING)
-    file = reference.parent / GIVEN if is_file else GIVEN
+    place = Path(reference)
+    is_file = place.suffix in (PROGRAM_ENDING, RECORDED_ENDING)
+    file = place.parent / GIVEN if is_file else GIVEN
+    if model is not None and not (Path(model).suffix == MODEL_ENDING and Path(model).is_file()):
+        raise InputError(file, "model", f"{os.fspath(model)!r} is no MJCF, a file NAME.xml")
     table: dict[str, Any] = {
         "title": f"curves against {reference}",
         "source": "given",
         "model": str(stub_model() if model is None else os.path.abspath(model)),
         "start": start,
-        "reference": reference.name if is_file else str(reference),
+        "reference": place.name if is_file else str(reference),
         "parameters": dict(parameters),
         "drive": () if model is None else drive_tables(drives, times),
-        "run": {RUN: run_table(reference, times)},
+        "run": {RUN: run_table(place, times)},
         "channels": {"none": {"equals": 0.0, "unit": "1"}},
-        "called": name or reference.stem,
+        "called": name or place.stem,
     }
-    found = make_case(convert_parameters(table, file), file)
-    found.require_model()
-    return found
+    return make_case(convert_parameters(table, file), file)
 
 
 @cache

@@ -67,6 +67,7 @@ def test_cases_and_models_are_asserted():
     assert lines[1].startswith("✗ pendulum 2 dynamics mujoco differs: ")
     bad = case.model_copy(update={"start": "nowhere"})
     assert "no key 'nowhere'" in failure(bad)[0]
+    assert failure([]) == ["nothing is checked"]
 
 
 def test_a_finding_of_a_first_screen_fails_where_it_is_asked_for():

@@ -1,5 +1,6 @@
 """Arrays from anywhere are judged as an engine's curves are, without a sidecar."""
 
+import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,9 +9,11 @@ import pytest
 
 from proofmass import InputError, compare, evaluate, judge, load_case
 from proofmass.analytic.linkages import fourbar
+from proofmass.analytic.protocol import ClosedForm
+from proofmass.reference.find import find_reference
 from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.judge import GivenColumn
-from tests.shipped import shipped
+from tests.shipped import shipped, shipped_files
 
 TIME = np.linspace(0.0, 2.0, 201)
 ANGLE, RATE = 0.3 + 2.0 * TIME, 2.0
@@ -129,8 +132,15 @@ def test_a_reference_that_reads_the_model_gets_it(tmp_path):
     assert str(error.value) == (
         "judge: rocker: its unit 'mm' measures another quantity than the sensor, which delivers rad"
     )
-    with pytest.raises(InputError, match=r"no file .*none\.xml' beside the sidecar"):
-        judge(columns, "planar", **{**how, "model": tmp_path / "none.xml"})
+    for wrong in (tmp_path / "none.xml", tmp_path / "robot.urdf", tmp_path):
+        with pytest.raises(InputError) as error:
+            judge(columns, "planar", **{**how, "model": wrong})
+        assert str(error.value) == f"judge: model: {str(wrong)!r} is no MJCF, a file NAME.xml"
+    with pytest.raises(InputError) as error:
+        judge(columns, "planar")
+    assert str(error.value) == (
+        "judge: model: missing: planar reads an MJCF; give model='NAME.xml'"
+    )
 
 
 def test_a_program_and_recorded_curves_are_references(tmp_path):
@@ -277,6 +287,30 @@ def test_a_constant_reference_needs_an_absolute_tolerance():
     tolerance = {"*": 1e-3, "rocker_angle": "1e-6"}
     assert judge(columns, **{**HOW, "tolerance": tolerance})[0].outcome == "nothing moved"
     assert judge(columns, **{**HOW, "tolerance": "1e-6"})[0].outcome == "nothing moved"
+
+
+def test_time_is_not_taken_for_the_angle_of_a_drive():
+    """A driven mechanism needs its drive, and a free one has none."""
+    assert message(COLUMNS, drive=None) == (
+        "judge: drive: missing: fourbar is driven; give the motion of its drive, such as "
+        "drive=('angle', 'rate', 'acceleration'), names of columns"
+    )
+    pendulum = {"length": 1.0, "mass": 1.0, "gravity": 9.81, "amplitude": 0.1}
+    assert message({**COLUMNS, "angle": TIME}, reference="pendulum", parameters=pendulum) == (
+        "judge: drive: pendulum has no drive; leave it out"
+    )
+
+
+def test_closed_forms_are_driven_where_their_cases_have_a_drive():
+    """The law by which `judge` asks for a drive holds for all shipped sidecars of motions."""
+    seen = set()
+    for file in shipped_files():
+        table = tomllib.loads(file.read_text())
+        name, moves = table["reference"], "equilibrium" not in table.get("run", {})
+        if moves and "." not in name and issubclass(reference := find_reference(name), ClosedForm):
+            assert reference.is_driven() == ("drive" in table), file
+            seen.add(reference.is_driven())
+    assert seen == {True, False}
 
 
 def test_what_has_no_curves_is_refused():
