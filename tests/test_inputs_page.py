@@ -1,5 +1,6 @@
 """Each row of the page "What you have" is tried: its command or call is made."""
 
+import math
 import re
 import shutil
 from pathlib import Path
@@ -84,14 +85,14 @@ def test_each_row_that_is_a_call_can_be_made(room, monkeypatch):
         "model": mujoco.MjModel.from_xml_path("robot.xml"),
     }
     calls = re.findall(r"`(proofmass\.\w+\(.*\))`", "\n".join(ROWS.values()))
-    assert len(calls) == 6
+    assert len(calls) == 7
     for call in calls:
         if call.startswith("proofmass.check"):
             eval(call, names)
     assert made == ["pendulum", "pendulum", "robot", "pendulum", "pendulum 2"]
 
 
-def test_the_calls_with_arrays_and_a_space_agree():
+def test_the_calls_with_arrays_and_a_space_agree(tmp_path, monkeypatch):
     space, bars = make_fourbar()
     time = np.linspace(0.0, 1.0, 11)
     true = fourbar.solve(time, **LENGTHS)["rocker_angle"]
@@ -103,7 +104,11 @@ def test_the_calls_with_arrays_and_a_space_agree():
         "space": space,
         "angles": {"theta": channels["crank"], "rocker_angle": channels["rocker_angle"]},
     }
-    for what in ("arrays: NumPy, a DataFrame", "a `Space` of pymunk"):
+    monkeypatch.chdir(tmp_path)
+    rows = "".join(f"{t},{math.degrees(t)},{y}\n" for t, y in zip(time, true, strict=True))
+    Path("rig.csv").write_text(f"time [s],theta [deg],rocker_angle [rad]\n{rows}")
+    csv = "curves of another program as CSV"
+    for what in ("arrays: NumPy, a DataFrame", "a `Space` of pymunk", csv):
         (call,) = re.findall(r"`(proofmass\.judge\(.*\))`", ROWS[what])
         assert [c.outcome for c in eval(call, names)] == ["agrees"]
     (call,) = re.findall(r"`(proofmass\.\w+\(.*\))`", ROWS["a test of your own"])

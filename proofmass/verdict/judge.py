@@ -21,6 +21,7 @@ from proofmass.analytic.protocol import ClosedForm, InputMotion
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError, suggest_names
 from proofmass.base.files import MODEL_ENDING
+from proofmass.base.recorded import find_wrap, is_number, read_table
 from proofmass.base.recording import Recorded
 from proofmass.base.strict import Kind
 from proofmass.base.units import (
@@ -64,7 +65,7 @@ ALL_COLUMNS = "*"
 DRIVE_PART_NAMES = "value", "rate", "acceleration"
 RUN: Kind = "dynamics"
 ColumnSource: TypeAlias = "Curves | Mapping[str, Any] | Any"
-"""`Curves`, a mapping of names to arrays, or a data frame."""
+"""`Curves`, a mapping of names to arrays, a data frame, or the path of a CSV file."""
 DriveParts: TypeAlias = Mapping[str, Sequence["Array | None"]]
 """Value, rate and acceleration of each drive by its joint; None for a part that is not given."""
 DriveColumn: TypeAlias = "str | float | Sequence[float] | Array"
@@ -121,9 +122,10 @@ def judge(
 
     Parameters
     ----------
-    curves : Curves, mapping, data frame or pymunk.Space
+    curves : Curves, mapping, data frame, path or pymunk.Space
         Arrays (n,) by name, with one of times. A name may end in a unit, ``"theta1 [deg]"``;
-        without one the numbers are in SI. A space is run, see `channels`.
+        without one the numbers are in SI. A path is that of a CSV file with such names. A space is
+        run, see `channels`.
     reference : str, path or None
         Name of a reference, such as ``fourbar``; or a file: a program ``yoke.py``, recorded curves
         ``rig.csv``. None, of a space: it is judged by itself, with shorter and shorter steps.
@@ -229,7 +231,8 @@ def object_run(
         What a run needs is missing, or is given with arrays.
     """
     asked = {"channels": channels, "duration": duration, "step": step}
-    engines = [] if isinstance(thing, Curves | Mapping) else map(engine_of, engine_names())
+    arrays = isinstance(thing, Curves | Mapping | Path | str)
+    engines = [] if arrays else map(engine_of, engine_names())
     owner = next((engine for engine in engines if engine.owns(thing)), None)
     if owner is None:
         if extra := [key for key, value in asked.items() if value is not None]:
@@ -409,14 +412,33 @@ def named_arrays(curves: ColumnSource) -> tuple[dict[str, Any], Any]:
         return {X_NAMES[0]: curves.x, **curves.channels}, None
     if isinstance(curves, Mapping):
         return {str(name): values for name, values in curves.items()}, None
+    if isinstance(curves, Path | str):
+        return csv_arrays(Path(curves)), None
     names = getattr(curves, "columns", None)
     if isinstance(names, Iterable):  # a data frame of pandas or polars; neither is loaded here
         arrays = {str(name): np.asarray(curves[name]) for name in names}
         return arrays, getattr(curves, "index", None)
     raise TypeError(
-        f"{type(curves).__name__} has no curves; give Curves, a mapping of names to arrays, or a "
-        "data frame"
+        f"{type(curves).__name__} has no curves; give Curves, a mapping of names to arrays, a data "
+        "frame, or the path of a CSV file"
     )
+
+
+def csv_arrays(file: Path) -> dict[str, Array]:
+    """The columns of a CSV file by their headers; columns of words are left out.
+
+    Raises
+    ------
+    InputError
+        See `read_table`; also for a cell that is no finite number, with its line.
+    """
+    table = read_table(file)
+    _, first = table.rows[0]
+    return {
+        f"{name} [{unit}]" if unit else name: table.values(name)
+        for (name, unit), cell in zip(table.units.items(), first, strict=True)
+        if is_number(cell)
+    }
 
 
 def read_column(name: str, values: Any, unit: str) -> GivenColumn:
@@ -438,6 +460,13 @@ def read_column(name: str, values: Any, unit: str) -> GivenColumn:
         raise InputError(GIVEN, name, f"it has {found.size} values; give two or more")
     if (bad := np.flatnonzero(~np.isfinite(found))).size:
         raise InputError(GIVEN, name, f"value {bad[0]} is {found[bad[0]]}, no finite number")
+    if si_unit(unit)[0] == "rad" and (k := find_wrap(found, 2 * np.pi / si_unit(unit)[1])):
+        raise InputError(
+            GIVEN,
+            name,
+            f"it jumps from {found[k]:.6g} to {found[k + 1]:.6g} {unit}: the angle is wrapped; "
+            "unwrap it, as numpy.unwrap does",
+        )
     return GivenColumn(name, unit, found)
 
 

@@ -88,6 +88,31 @@ def test_a_data_frame_is_read_by_its_columns_and_its_index():
     assert judge(frame, **HOW)[0].outcome == "agrees"
 
 
+def test_a_csv_file_is_read_by_its_headers(tmp_path):
+    """Columns of words are left out; a wrong cell is named with its line."""
+    file = tmp_path / "rig.csv"
+    rows = [
+        f"{t},{np.degrees(a)},on,{y}"
+        for t, a, y in zip(TIME, ANGLE, TRUE["rocker_angle"], strict=True)
+    ]
+    head = "time [s],theta [deg],state,rocker_angle [rad]"
+    file.write_text("\n".join([head, *rows]))
+    for path in (file, str(file)):
+        assert judge(path, **HOW)[0].outcome == "agrees"
+    file.write_text("\n".join([head, *rows[:9], "0.09,much,on,1", *rows[10:]]))
+    assert message(file).startswith(f"{file}: line 11, theta: 'much' is no number")
+    file.unlink()
+    assert message(file) == f"{file}: no such recorded curve"
+
+
+def test_a_wrapped_angle_is_refused():
+    wrapped = np.degrees(5.0 * TIME) % 360.0
+    assert message({**COLUMNS, "theta [deg]": wrapped}, drive="theta") == (
+        "judge: theta: it jumps from 358.099 to 0.963411 deg: the angle is wrapped; unwrap it, as "
+        "numpy.unwrap does"
+    )
+
+
 def test_a_column_may_equal_a_quantity_of_another_name():
     columns = {"t": TIME, "theta": ANGLE, "b": 90 - np.degrees(TRUE["rocker_angle"])}
     table = {"equals": "rocker_angle", "scale": -1, "shift": 90, "unit": "deg"}
