@@ -5,14 +5,13 @@ what judges them is `proofmass.verdict.compare.compare`, as for an engine.
 """
 
 import os
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from glob import escape
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -21,7 +20,6 @@ from proofmass.analytic.protocol import ClosedForm, InputMotion
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError, suggest_names
 from proofmass.base.files import MODEL_ENDING
-from proofmass.base.recorded import find_wrap, is_number, read_table
 from proofmass.base.recording import Recorded
 from proofmass.base.strict import Kind
 from proofmass.base.units import (
@@ -29,7 +27,6 @@ from proofmass.base.units import (
     read_quantity,
     same_quantity,
     si_unit,
-    to_si,
     unit_powers,
 )
 from proofmass.case.case import Case, Channel, Tolerance, made_models_folder
@@ -48,42 +45,33 @@ from proofmass.sim.protocol.engine import Engine
 from proofmass.sim.protocol.object_run import ChannelOfObject, ObjectRun
 from proofmass.verdict.compare import CONSTANT_RANGE, compare
 from proofmass.verdict.comparison import Comparisons
+from proofmass.verdict.given_columns import (
+    GIVEN,
+    X_NAMES,
+    ColumnSource,
+    GivenColumn,
+    missing_column,
+    read_columns,
+    require_rising,
+)
+from proofmass.verdict.given_drives import (
+    DRIVE_PART_NAMES,
+    DriveParts,
+    drive_tables,
+    led_columns,
+    read_drives,
+    state_of,
+)
 from proofmass.verdict.own_steps import judge_steps
 
-GIVEN = Path("judge")
-"""What messages name in place of a file."""
 GIVEN_SOLVER = "recorded:given"
 """The solver of given curves: as for another program's curves, nothing is run again."""
+RUN: Kind = "dynamics"
+"""The run of given curves: they are over time."""
 AS_ASKED = "as asked for"
 """The reason of a tolerance whose reason is not given."""
-X_NAMES = "time", "t"
-"""Names of the column of x, if none is named."""
-HEADER = re.compile(r"\s*(.*?)\s*\[([^\[\]]*)\]\s*")
-"""A name of a column with its unit, as in CSV files: ``theta1 [deg]``."""
 ALL_COLUMNS = "*"
 """The key of a tolerance of all columns that have none of their own."""
-DRIVE_PART_NAMES = "value", "rate", "acceleration"
-RUN: Kind = "dynamics"
-ColumnSource: TypeAlias = "Curves | Mapping[str, Any] | Any"
-"""`Curves`, a mapping of names to arrays, a data frame, or the path of a CSV file."""
-DriveParts: TypeAlias = Mapping[str, Sequence["Array | None"]]
-"""Value, rate and acceleration of each drive by its joint; None for a part that is not given."""
-DriveColumn: TypeAlias = "str | float | Sequence[float] | Array"
-"""The name of a column, a number for a constant, or an array."""
-
-
-@dataclass(frozen=True)
-class GivenColumn:
-    """A column: its name, its unit, and its values as they were given."""
-
-    name: str
-    unit: str
-    values: Array
-
-    @property
-    def in_si(self) -> Array:
-        """The values in SI."""
-        return np.asarray(to_si(cast(Any, self.values), self.unit))
 
 
 @dataclass(frozen=True)
@@ -366,200 +354,6 @@ def run_table(reference: Path, times: Array) -> dict[str, Any]:
     recorded = is_recorded(reference.name)
     own = {} if recorded else {"n": times.size, "until": float(times[-1])}
     return {"solvers": (GIVEN_SOLVER,), **own}
-
-
-def read_columns(
-    curves: ColumnSource, units: Mapping[str, str], x: str | None
-) -> dict[str, GivenColumn]:
-    """The columns of what was given, by name; that of x is called ``time``.
-
-    Raises
-    ------
-    InputError
-        See `judge`.
-    """
-    arrays, index = named_arrays(curves)
-    found: dict[str, GivenColumn] = {}
-    for header, values in arrays.items():
-        split = HEADER.fullmatch(header)
-        name, unit = (split[1], split[2]) if split and header not in units else (header, "")
-        found[name] = read_column(name, values, units.get(name) or unit or "1")
-    if unknown := [name for name in units if name not in found]:
-        raise missing_column(f"units.{unknown[0]}", unknown[0], found)
-    if x is None:
-        x = next((name for name in X_NAMES if name in found), None)
-        if x is None and index is not None:
-            found[X_NAMES[0]] = read_column(X_NAMES[0], index, "1")
-            x = X_NAMES[0]
-    if x is None or x not in found:
-        raise missing_column("x", x or X_NAMES[0], found)
-    time = found.pop(x)
-    if time.unit != "1" and not same_quantity(time.unit, "s"):
-        raise InputError(GIVEN, x, f"its unit is {time.unit!r}, and it must be a time, such as s")
-    for column in found.values():
-        if column.values.shape != time.values.shape:
-            raise InputError(
-                GIVEN,
-                column.name,
-                f"it has {column.values.size} values, and {x} has {time.values.size}",
-            )
-    return {**found, X_NAMES[0]: time}
-
-
-def named_arrays(curves: ColumnSource) -> tuple[dict[str, Any], Any]:
-    """The arrays of what was given, by name, and the index of a data frame, if it is one."""
-    if isinstance(curves, Curves):
-        return {X_NAMES[0]: curves.x, **curves.channels}, None
-    if isinstance(curves, Mapping):
-        return {str(name): values for name, values in curves.items()}, None
-    if isinstance(curves, Path | str):
-        return csv_arrays(Path(curves)), None
-    names = getattr(curves, "columns", None)
-    if isinstance(names, Iterable):  # a data frame of pandas or polars; neither is loaded here
-        arrays = {str(name): np.asarray(curves[name]) for name in names}
-        return arrays, getattr(curves, "index", None)
-    raise TypeError(
-        f"{type(curves).__name__} has no curves; give Curves, a mapping of names to arrays, a data "
-        "frame, or the path of a CSV file"
-    )
-
-
-def csv_arrays(file: Path) -> dict[str, Array]:
-    """The columns of a CSV file by their headers; columns of words are left out.
-
-    Raises
-    ------
-    InputError
-        See `read_table`; also for a cell that is no finite number, with its line.
-    """
-    table = read_table(file)
-    _, first = table.rows[0]
-    return {
-        f"{name} [{unit}]" if unit else name: table.values(name)
-        for (name, unit), cell in zip(table.units.items(), first, strict=True)
-        if is_number(cell)
-    }
-
-
-def read_column(name: str, values: Any, unit: str) -> GivenColumn:
-    """A column of finite numbers.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
-    try:
-        si_unit(unit)
-        found = np.asarray(values, float)
-    except (TypeError, ValueError) as error:
-        raise InputError(GIVEN, name, " ".join(str(error).split())) from None
-    if found.ndim != 1:
-        raise InputError(GIVEN, name, f"it must be an array (n,), and has the shape {found.shape}")
-    if found.size < 2:
-        raise InputError(GIVEN, name, f"it has {found.size} values; give two or more")
-    if (bad := np.flatnonzero(~np.isfinite(found))).size:
-        raise InputError(GIVEN, name, f"value {bad[0]} is {found[bad[0]]}, no finite number")
-    if si_unit(unit)[0] == "rad" and (k := find_wrap(found, 2 * np.pi / si_unit(unit)[1])):
-        raise InputError(
-            GIVEN,
-            name,
-            f"it jumps from {found[k]:.6g} to {found[k + 1]:.6g} {unit}: the angle is wrapped; "
-            "unwrap it, as numpy.unwrap does",
-        )
-    return GivenColumn(name, unit, found)
-
-
-def require_rising(time: GivenColumn) -> None:
-    """Raise `InputError` unless times rise."""
-    falls = np.flatnonzero(np.diff(time.values) <= 0)
-    if falls.size:
-        k = int(falls[0])
-        raise InputError(
-            GIVEN,
-            time.name,
-            f"it does not rise: {time.values[k]:.6g} then {time.values[k + 1]:.6g}, values {k} and "
-            f"{k + 1}",
-        )
-
-
-def missing_column(key: str, name: str, there: Mapping[str, GivenColumn]) -> InputError:
-    """The error of a column that is not there."""
-    return InputError(GIVEN, key, f"there is no column {name!r}; {suggest_names(name, there)}")
-
-
-def led_columns(drive: Any) -> set[str]:
-    """The names of the columns with the motion of drives, which are not judged by themselves."""
-    if isinstance(drive, str):
-        return {drive}
-    parts = drive.values() if isinstance(drive, Mapping) else drive
-    if isinstance(parts, (list, tuple)) or isinstance(drive, Mapping):
-        return set().union(*map(led_columns, parts))
-    return set()
-
-
-def read_drives(
-    drive: Any, columns: Mapping[str, GivenColumn], time: GivenColumn
-) -> dict[str, list[Array | None]]:
-    """Value, rate and acceleration of each drive by its joint; None for a part not given [SI]."""
-    if drive is None:
-        return {}
-    if isinstance(drive, Mapping):
-        each = dict(drive)
-    else:
-        several = drive if isinstance(drive, list) else [drive]
-        each = {f"drive {k}" if several[1:] else "drive": one for k, one in enumerate(several)}
-    found: dict[str, list[Array | None]] = {}
-    for joint, one in each.items():
-        parts = one if isinstance(one, tuple) else (one,)
-        if not 1 <= len(parts) <= len(DRIVE_PART_NAMES):
-            raise InputError(GIVEN, f"drive.{joint}", "give (value, rate, acceleration)")
-        keys = DRIVE_PART_NAMES[: len(parts)]
-        known = [
-            read_drive_part(f"drive.{joint}.{key}", part, columns, time)
-            for key, part in zip(keys, parts, strict=True)
-        ]
-        found[joint] = [*known, *[None] * (len(DRIVE_PART_NAMES) - len(known))]
-    return found
-
-
-def read_drive_part(
-    key: str, part: DriveColumn, columns: Mapping[str, GivenColumn], time: GivenColumn
-) -> Array:
-    """A part of the motion of a drive at all times [SI]."""
-    if isinstance(part, str):
-        if part not in columns:
-            raise missing_column(key, part, columns)
-        return columns[part].in_si
-    if np.ndim(part) == 0:
-        part = np.full(time.values.shape, part, float)
-    found = read_column(key, part, "1").values
-    if found.shape != time.values.shape:
-        raise InputError(
-            GIVEN, key, f"it has {found.size} values, and there are {time.values.size} times"
-        )
-    return found
-
-
-def state_of(drives: DriveParts, time: GivenColumn, missing: float = 0.0) -> DriveState | None:
-    """The motion of the drives, with a number in the place of parts that are not given."""
-    if not drives:
-        return None
-    gap = np.full(time.values.shape, missing)
-    value, rate, acceleration = (
-        np.array([gap if parts[k] is None else parts[k] for parts in drives.values()])
-        for k in range(len(DRIVE_PART_NAMES))
-    )
-    return value, rate, acceleration
-
-
-def drive_tables(drives: DriveParts, times: Array) -> tuple[dict[str, Any], ...]:
-    """The tables of drives that follow the given values, for references that read a model."""
-    return tuple(
-        {"joint": joint, "profile": {"time": times.tolist(), "value": parts[0].tolist()}}
-        for joint, parts in drives.items()
-        if parts[0] is not None
-    )
 
 
 def choose_channels(

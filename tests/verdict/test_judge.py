@@ -12,7 +12,7 @@ from proofmass.analytic.linkages import fourbar
 from proofmass.analytic.protocol import ClosedForm
 from proofmass.reference.find import find_reference
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.judge import GivenColumn
+from proofmass.verdict.given_columns import GivenColumn
 from tests.shipped import shipped, shipped_files
 
 TIME = np.linspace(0.0, 2.0, 201)
