@@ -320,6 +320,7 @@ def render_index(
         errors=[error_message(e) for e in result.errors],
         loose=[c for c in result.comparisons if not c.channel],
         screens=described_screens(result),
+        remarks=result.remarks,
         note=note,
     )
     parts = (rows[k : k + ROWS_PER_FILE] for k in range(ROWS_PER_FILE, len(rows), ROWS_PER_FILE))

@@ -9,6 +9,7 @@ import pytest
 from proofmass.batch.check import Result, check
 from proofmass.report import write_report
 from proofmass.screen.screen import screen_model
+from proofmass.verdict.comparison import Comparison
 
 CASES = Path(__file__).parents[1] / "data" / "screen"
 
@@ -39,3 +40,12 @@ def test_each_fault_stands_on_the_index_with_its_remedy(index):
 
 def test_the_index_says_what_the_models_are(index):
     assert unescape(index).count("2 bodies, 2 joints, 2 degrees of freedom") == 2
+
+
+def test_the_index_says_what_reading_a_model_left_out(tmp_path):
+    remark = "not carried over: 2 transmissions & <blink>"
+    found = Comparison("arm", "mujoco", "dynamics", "", "m", outcome="self-consistent")
+    write_report(Result(comparisons=[found], remarks={"arm": (remark,)}), tmp_path)
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "<blink>" not in page
+    assert remark in unescape(page)
