@@ -33,6 +33,11 @@ PIN_START_TEST = (
     "tests/sim/test_rods_2rfr.py::test_the_pin_follows_the_published_circles_and_rectangles"
 )
 FASTER_TESTS = {
+    "tests/reference/test_self_consistency.py"
+    "::test_with_contacts_steps_of_one_evaluation_are_cheaper_than_rk4": (
+        "tests/reference/test_self_consistency.py"
+        "::test_the_cheapest_way_in_evaluations_is_found_without_trying_dearer_ones"
+    ),
     "tests/sim/test_rods_in_space.py::test_a_wrong_stiffness_about_z_differs": (
         "tests/sim/test_rods_in_space.py::test_each_axis_bends_with_its_own_stiffness"
     ),

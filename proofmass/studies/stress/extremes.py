@@ -73,7 +73,7 @@ from proofmass.studies.stress.limit_search import (
     reference_follows_masses,
     require,
 )
-from proofmass.studies.stress.stable_steps import search_stable_step
+from proofmass.studies.stress.stable_steps import search_stable_step, with_stable_step
 from proofmass.studies.study import Study
 from proofmass.studies.variants import (
     evaluate_reference,
@@ -374,9 +374,10 @@ def list_extremes(case: Case, study: Study) -> tuple[list[LimitSearch], list[str
     for engine, solver in first.items():
         parameters = {k: v for k, v in case.settings.get(solver, {}).items() if k != "defaults"}
         stressed = StressedCase(case, kind, Setting(engine, parameters), study)
+        steady = with_stable_step(stressed)
         for search in SEARCHES:
             try:
-                found += search(stressed)
+                found += search(stressed if search in STEP_SEARCHES else steady)
             except NotApplicable as why:
                 skipped.append(str(why))
     return found, list(dict.fromkeys(skipped))
@@ -867,6 +868,8 @@ def find_return_difference(curves: dict[str, Array]) -> Failure | None:
     return None
 
 
+STEP_SEARCHES = search_time_step, search_stable_step
+"""The searches that begin at the time step of the case, whether or not that is stable."""
 SEARCHES: tuple[Callable[[StressedCase], Iterator[LimitSearch]], ...] = (
     search_time_step,
     search_stable_step,

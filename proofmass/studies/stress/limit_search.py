@@ -352,6 +352,8 @@ class StressedCase:
     kind: Kind
     setting: Setting
     study: Study
+    note: str = ""
+    """Words on a setting that differs from that of the case."""
 
     @property
     def engine(self) -> Engine:
@@ -455,7 +457,7 @@ class StressedCase:
         return LimitSearch(
             self.case.name,
             self.setting.engine,
-            words or self.integrator,
+            ", ".join(filter(None, (words or self.integrator, self.note))),
             parameter,
             unit,
             start,

@@ -11,7 +11,7 @@ without a sidecar has these limits as well.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 
@@ -19,11 +19,12 @@ import mujoco
 
 from proofmass.base.errors import InputError
 from proofmass.base.read_once import read_once
+from proofmass.base.wording import number
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.reference.case_model import compiled_model
 from proofmass.screen.short_run import breaks, steps_of_run, with_step
 from proofmass.screen.stable_step import LONGEST_RATIO, LONGEST_STEP
-from proofmass.screen.steps import INTEGRATOR_NAMES, cures, find_own_stable_step
+from proofmass.screen.steps import INTEGRATOR_NAMES, SAFE_SHARE, cures, find_own_stable_step
 from proofmass.sim.engines import NATIVE_ENGINE, engine_of
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.model_files import model_key
@@ -33,6 +34,7 @@ from proofmass.studies.stress.boundary import BoundaryKind, Failure, PredictedLi
 from proofmass.studies.stress.limit_search import (
     SEARCH_RUN_TIMEOUT,
     LimitSearch,
+    NotApplicable,
     StressedCase,
     require,
 )
@@ -53,6 +55,41 @@ START = "start"
 
 def search_stable_step(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase the time step of a case until it is unstable, with every integrator."""
+    require_screened(stressed)
+    case, own = stressed.case, stressed.step
+    source, store = ModelSource(case.model_path), stressed.study.store
+    yield from search_integrators(case.name, source, case.start, own, store)
+
+
+def with_stable_step(stressed: StressedCase) -> StressedCase:
+    """The case, with a stable time step if its first screen says that its own one is unstable.
+
+    A run that fails is no start for the limit of another parameter.
+    """
+    try:
+        require_screened(stressed)
+    except NotApplicable:
+        return stressed
+    case, own = stressed.case, stressed.step
+    scheme = stressed.engine.theory.scheme_of(stressed.setting.parameters, compiled_model(case))
+    if scheme is None:
+        return stressed
+    model = SteppedModel(
+        ModelSource(case.model_path), case.start, scheme.name, stressed.study.store
+    )
+    limit = model.predict(own, reach_of(own)).theory
+    if not limit < own:  # not with NaN
+        return stressed
+    step = float(f"{SAFE_SHARE * limit:.2g}")
+    return replace(
+        stressed,
+        setting=stressed.setting.with_parameters(timestep=step),
+        note=f"timestep {number(1e3 * step)} ms",
+    )
+
+
+def require_screened(stressed: StressedCase) -> None:
+    """Raise `NotApplicable` unless a first screen knows the steps of a case."""
     case = stressed.case
     require(stressed.kind == "dynamics", "stable time step: the run has no time steps")
     require(stressed.engine.native, "stable time step: it is predicted of the MJCF alone")
@@ -65,8 +102,6 @@ def search_stable_step(stressed: StressedCase) -> Iterator[LimitSearch]:
         0 < compiled_model(case).nv <= MAX_COORDINATES,
         f"stable time step: the model has more than {MAX_COORDINATES} coordinates",
     )
-    source, store = ModelSource(case.model_path), stressed.study.store
-    yield from search_integrators(case.name, source, case.start, stressed.step, store)
 
 
 def search_bare_model(source: ModelSource, store: Store) -> list[LimitSearch]:
@@ -93,11 +128,16 @@ def search_bare_model(source: ModelSource, store: Store) -> list[LimitSearch]:
     return list(search_integrators(source.file.stem, source, START, own, store))
 
 
+def reach_of(own: float) -> float:
+    """The longest step that is tried of a model with its own step [s]."""
+    return max(own, min(LONGEST_STEP, LONGEST_RATIO * own))
+
+
 def search_integrators(
     what: str, source: ModelSource, start: str, own: float, store: Store
 ) -> Iterator[LimitSearch]:
     """A search with each integrator, from the model's own step [s] or below it."""
-    reach = max(own, min(LONGEST_STEP, LONGEST_RATIO * own))
+    reach = reach_of(own)
     for scheme in engine_of(NATIVE_ENGINE).theory.schemes:
         stepped = SteppedModel(source, start, scheme.name, store)
         yield LimitSearch(

@@ -22,7 +22,7 @@ from proofmass.studies.stress.boundary import (
 from proofmass.studies.stress.extremes import search_time_step
 from proofmass.studies.stress.limit_search import LimitSearch, NotApplicable, StressedCase
 from proofmass.studies.stress.page import describe_boundary
-from proofmass.studies.stress.stable_steps import search_stable_step
+from proofmass.studies.stress.stable_steps import search_stable_step, with_stable_step
 from proofmass.studies.stress.stress import cause_lines
 from proofmass.studies.study import Study
 
@@ -122,6 +122,17 @@ def test_the_time_step_of_a_case_that_fails_is_searched_below(tmp_path):
     assert euler.trial(euler.start).failure
     assert euler.trial(euler.start / 16).failure is None
     assert euler.least < euler.start / 16
+
+
+def test_limits_of_other_parameters_begin_at_a_stable_step(tmp_path, stressed):
+    steady = with_stable_step(stressed_model("pd954", tmp_path))
+    assert steady.setting.parameters == {"timestep": 0.0028}  # 0.8 of 3.46 ms
+    assert steady.search("gravity", "1", 1.0, 2.0, lambda value: TrialResult()).setting == (
+        "as in the model, timestep 2.8 ms"
+    )
+    assert steady.run(steady.case).outcome == "ran"
+    for case in (stressed("pendulum"), stressed("fourbar"), stressed("pendulum", "pymunk")):
+        assert with_stable_step(case) is case
 
 
 def test_a_model_without_a_sidecar_has_stable_steps_alone(tmp_path, monkeypatch):
