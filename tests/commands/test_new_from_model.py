@@ -1,6 +1,7 @@
 """`proofmass new --from` proposes a sidecar for a model, with which it agrees, or says why not."""
 
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,16 +14,24 @@ from proofmass.batch.check import check
 from proofmass.commands import new_from_model
 from proofmass.commands.cli import app
 from proofmass.commands.new_from_model import write_proposal
-from proofmass.commands.proposal import joint_range
+from proofmass.commands.proposal import joint_range, measured_runs
 from proofmass.commands.proposal.flat_model import flat_tree
 from proofmass.commands.proposal.inspection import ModelSummary, inspect_model
+from proofmass.commands.proposal.measured_runs import (
+    LeftOut,
+    MeasuredRun,
+    NothingMoves,
+    accept,
+    measure_driven_motion,
+)
 from proofmass.commands.proposal.measured_tolerance import (
     describe_far_off,
     measured_tolerances,
     round_up,
 )
 from proofmass.commands.proposal.model_copy import missing_sensors, with_named_key
-from proofmass.commands.proposal.mutant import try_mutants
+from proofmass.commands.proposal.mutant import MutantTrial, try_mutants
+from proofmass.commands.proposal.proposal import Proposal
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve
 from proofmass.sim.contents import mechanism_dof
@@ -673,3 +682,43 @@ def test_a_free_motion_takes_whole_steps_of_the_model(step, known, until, sample
     assert (look.until, look.samples) == (until, samples)
     made = Run("dynamics", np.linspace(0, look.until, look.samples), ()).steps(step)[1]
     assert made == pytest.approx(step, rel=1e-12)
+
+
+def outcome_of(outcome: Outcome) -> MeasuredRun:
+    """A run of one channel with an outcome; a mutant turned its check if it agrees."""
+    found = [replace(compared("tip", 0.1, 1.0), outcome=outcome, message="why")]
+    trial = MutantTrial(("a larger by 1 %",), 1, 1, "a") if outcome == Outcome.AGREES else None
+    return MeasuredRun(found, (), trial)
+
+
+@pytest.fixture
+def proposal():
+    """A proposal for a model with a step of 8 ms."""
+    none = ("",)
+    look = ModelSummary("", 1, None, none, (), True, none, none, none, 0.008, True)
+    return Proposal("mine", "a.xml", look, {"dynamics": ["mujoco"]})
+
+
+@pytest.mark.parametrize("divisor", [1, 2, 4])
+def test_a_driven_motion_gets_the_longest_step_with_which_it_agrees(monkeypatch, proposal, divisor):
+    """The step that is written is that of the run that agrees, and the comment has the model's."""
+
+    def measure(proposal, settings, kind, solver):
+        fine = settings.get("timestep", 0.008) <= 0.008 / divisor
+        return outcome_of(Outcome.AGREES if fine else Outcome.DIFFERS)
+
+    monkeypatch.setattr(measured_runs, "measure", measure)
+    monkeypatch.setattr(measured_runs, "with_step", lambda case, solver, step: {"timestep": step})
+    measure_driven_motion(proposal, {}, "mujoco")
+    assert proposal.steps == ({} if divisor == 1 else {"mujoco": 0.008 / divisor})
+    assert ("the model's own step is 8 ms" in proposal.messages[0]) == (divisor > 1)
+
+
+@pytest.mark.parametrize("outcome", [Outcome.UNSUPPORTED, Outcome.UNCHECKED, Outcome.OTHER_STEP])
+def test_a_run_without_a_compared_curve_is_left_out(proposal, outcome):
+    with pytest.raises(LeftOut, match="no curve of it is compared: why"):
+        accept(proposal, "dynamics", "mujoco", outcome_of(outcome))
+    with pytest.raises(NothingMoves):
+        accept(proposal, "dynamics", "mujoco", outcome_of(Outcome.NOTHING_MOVED))
+    assert proposal.messages == []
+    accept(proposal, "dynamics", "mujoco", outcome_of(Outcome.DIFFERS))

@@ -195,12 +195,13 @@ def inspect_model(path: Path) -> ModelSummary:
     if may_be_driven(model, look, mechanism):
         if dof == 1:
             refuse_start_out_of_range(path, mechanism, pose)
-        best = find_best_range(model, start, mechanism, plane.data, pose, springs_hold=dof > 1)
+        best, why = find_best_range(model, start, mechanism, plane.data, pose, springs_hold=dof > 1)
         replaces = best and look.moves and is_controlled(model, start, best.joint)
         if best and not replaces:
             return summarize_model(model, start, dof, best)
         if dof == 1 and not look.moves:
-            raise InputError(path, "", "no joint with a name can be driven from the start pose")
+            words = "no joint with a name can be driven from the start pose"
+            raise InputError(path, "", f"{words}: {why}" if why else words)
     if not look.moves:
         return look
     try:

@@ -113,8 +113,8 @@ def find_best_range(
     data: ModelData,
     pose: Array,
     springs_hold: bool,
-) -> JointRange | None:
-    """The range of the joint that is best to drive; None if none can be driven.
+) -> tuple[JointRange | None, str]:
+    """The range of the joint that is best to drive, or None and why the first cannot be driven.
 
     Parameters
     ----------
@@ -130,6 +130,7 @@ def find_best_range(
     """
     motors = {joint_of(model, a) for a in range(model.nactuator)}
     best: JointRange | None = None
+    why = ""
 
     def highest_rank(j: int) -> Rank:
         return j in motors, mechanism.joints[j].hinge, is_grounded(model, j), 1.0
@@ -143,12 +144,13 @@ def find_best_range(
         try:
             refuse(data, SUPPORT, RunKind.SWEEP, (joint.name,))
             low, high = find_ends(model, start, mechanism, j, float(pose[j]), springs_hold)
-        except ValueError:  # the other joints do not follow, or have servos that are not covered
+        except ValueError as error:  # the others do not follow, or have servos: not covered
+            why = why or str(error)
             continue
         found = range_between(joint, mechanism.size, float(pose[j]), low, high, highest_rank(j))
         if found.share > MIN_DRIVEN_SHARE:
             best = max(best or found, found, key=lambda one: one.rank)
-    return best
+    return best, why
 
 
 def range_between(

@@ -72,7 +72,8 @@ class MeasuredRun:
     found : list of Comparison
     tolerances : tuple of Tolerance
     trial : MutantTrial or None
-        None if no curve agrees but those of the drive, so that no mutant was tried.
+        None if no mutant was tried: no curve agrees but those of the drive, or one differs from an
+        engine's own tolerance.
     """
 
     found: list[Comparison]
@@ -89,6 +90,11 @@ class MeasuredRun:
     def differs(self) -> bool:
         """Whether a curve differs from the reference as it is."""
         return any(c.outcome == Outcome.DIFFERS for c in self.found)
+
+    @property
+    def still(self) -> str:
+        """Why nothing moves in it; empty if something does."""
+        return next((c.message for c in self.found if c.outcome == Outcome.NOTHING_MOVED), "")
 
     @property
     def turned(self) -> bool:
@@ -151,13 +157,11 @@ def measure_run(
         It fails with all steps, or no mutant turns its check.
     """
     if kind != "dynamics":
-        run = measure(proposal, case, kind, solver)
+        accept(proposal, kind, solver, measure(proposal, case, kind, solver))
     elif proposal.look.is_determined:
-        run = measure_driven_motion(proposal, case, solver)
+        measure_driven_motion(proposal, case, solver)
     else:
-        return measure_free_motion(proposal, case, solver, screen)
-    accept(proposal, kind, solver, run)
-    return None
+        measure_free_motion(proposal, case, solver, screen)
 
 
 def accept(proposal: Proposal, kind: Kind, solver: str, run: MeasuredRun, step: str = "") -> None:
@@ -167,10 +171,11 @@ def accept(proposal: Proposal, kind: Kind, solver: str, run: MeasuredRun, step: 
     """
     if run.failed and kind != "dynamics":
         raise LeftOut(run.failed)
-    if run.found[0].outcome == Outcome.NOTHING_MOVED:
-        raise NothingMoves(run.found[0].message)
-    if run.trial is not None and not (run.trial.turned or run.differs):
-        raise LeftOut(run.trial.describe())
+    if run.still:
+        raise NothingMoves(run.still)
+    if not (run.turned or run.differs or run.failed):
+        nothing = f"no curve of it is compared: {run.found[0].message}"
+        raise LeftOut(run.trial.describe() if run.trial else nothing)
     proposal.tolerances += run.tolerances
     words = [f"{kind}, {solver}: {describe_error(run.found)}{step}"]
     if off := far_off(run.found) if run.tolerances else []:
@@ -194,9 +199,10 @@ def measure(proposal: Proposal, case: Case, kind: Kind, solver: str) -> Measured
         for c in found
         if c.outcome == Outcome.AGREES and c.channel not in proposal.look.drive_channels
     ]
-    if not agreeing:
-        return MeasuredRun(found, tolerances, None)
-    return MeasuredRun(found, tolerances, try_in_worker(proposal, case, kind, solver, agreeing))
+    run = MeasuredRun(found, tolerances, None)
+    if not agreeing or (proposal.look.is_determined and run.differs):  # it can fail, as it does
+        return run
+    return replace(run, trial=try_in_worker(proposal, case, kind, solver, agreeing))
 
 
 def try_in_worker(
@@ -219,23 +225,25 @@ def with_step(case: Case, solver: str, step: float) -> Case:
     return case.model_copy(update={"settings": {**case.settings, solver: {"timestep": step}}})
 
 
-def measure_driven_motion(proposal: Proposal, case: Case, solver: str) -> MeasuredRun:
-    """Run a driven motion, with finer steps as long as its error exceeds the engine's tolerance."""
+def measure_driven_motion(proposal: Proposal, case: Case, solver: str) -> None:
+    """Run a driven motion, with finer steps as long as its error exceeds the engine's tolerance.
+
+    Raises
+    ------
+    LeftOut
+        No mutant turns its check.
+    """
     own = proposal.look.timestep
-    first = run = measure(proposal, case, "dynamics", solver)
-    for divisor in DRIVEN_DIVISORS:
+    first = measure(proposal, case, "dynamics", solver)
+    for step in (own / divisor for divisor in DRIVEN_DIVISORS if first.differs or first.failed):
+        run = measure(proposal, with_step(case, solver, step), "dynamics", solver)
         if not (run.differs or run.failed):
-            break
-        run = measure(proposal, with_step(case, solver, own / divisor), "dynamics", solver)
-    else:
-        if run.differs or run.failed:
-            return first
-    if run is not first:
-        proposal.steps[solver] = own / divisor
-        proposal.step_comments[solver] = (
-            f"the model's own step is {format_seconds(own)}: {describe_largest(first.found)[0]}"
-        )
-    return run
+            why = f"the model's own step is {format_seconds(own)}: "
+            why += first.failed or describe_largest(first.found)[0]
+            proposal.steps[solver], proposal.step_comments[solver] = step, why
+            words = f", with a step of {format_seconds(step)}; {why}"
+            return accept(proposal, "dynamics", solver, run, words)
+    return accept(proposal, "dynamics", solver, first)
 
 
 def measure_free_motion(proposal: Proposal, case: Case, solver: str, screen: Screen | None) -> None:
@@ -247,7 +255,7 @@ def measure_free_motion(proposal: Proposal, case: Case, solver: str, screen: Scr
         It fails with all steps, nothing moves, or no mutant turns the check with any step.
     """
     own = measure(proposal, case, "dynamics", solver)
-    if own.turned or own.found[0].outcome == Outcome.NOTHING_MOVED:
+    if own.turned or own.still:
         return accept(proposal, "dynamics", solver, own)
     variant = f"{solver}:{VARIANT}"
     native = solver == NATIVE_ENGINE
