@@ -130,15 +130,15 @@ def stops_of_joint(joint: JointData, size: float) -> Iterator[Stop]:
 
     The restitution is the one that MuJoCo's soft limit approaches as it becomes stiffer.
 
+    A limit with a margin acts at that distance from the end of the range.
+
     Raises
     ------
     NotCovered
-        The limit has a margin, so that it acts before it is reached, or has no damping ratio.
+        The limit has no damping ratio.
     """
     solref = joint.limit_solref
-    for stop in make_stops(joint.name, joint.range, joint.pose, joint.rate, size):
-        if joint.margin:
-            raise NotCovered(f"joint {joint.name!r} has a margin of its range")
+    for stop in make_stops(joint.name, joint.stop_range, joint.pose, joint.rate, size):
         if not (ratio := damping_ratio(solref)) >= 0.0:
             raise NotCovered(
                 f"solreflimit of joint {joint.name!r} has no damping ratio: {solref.tolist()}"

@@ -187,6 +187,15 @@ def refuse(
         raise NotCovered(f"{'; '.join(refused)}{where}")
 
 
+def refuse_placed_bodies(data: ModelData) -> None:
+    """Raise NotCovered if a key places a mocap body: a reference has it where the MJCF has it."""
+    for body in data.bodies:
+        if body.is_placed_by_key:
+            raise NotCovered(
+                f"mocap body {body.name!r}, which a key places: give it that place in the MJCF"
+            )
+
+
 def refuse_contacts(data: ModelData) -> None:
     """Raise NotCovered if bodies of a model may touch: a free motion does not cover contacts."""
     if data.may_touch:

@@ -68,3 +68,17 @@ class TermSource(Protocol):
 
     def acceleration(self, q: Array, v: Array, ctrl: Array | None = None) -> Array:
         """Accelerations (rates,) of a tree without equalities [SI]."""
+
+    def first_contact(self, times: Array | None, q: Array) -> str:
+        """The first contact of poses (n, poses), and between them if they have times (n,) [s].
+
+        Returns
+        -------
+        str
+            Which geoms touch and when; empty if none do.
+
+        Raises
+        ------
+        NotCovered
+            The source has no shapes of bodies.
+        """

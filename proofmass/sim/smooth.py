@@ -6,11 +6,13 @@ equalities only the rows are given: constraint violation, Jacobian and J-dot-v.
 """
 
 import copy
+from functools import cached_property
 from itertools import pairwise
 
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.term_source import Terms
 from proofmass.base.arrays import Array, Index
 from proofmass.sim.dense import mass_matrix
@@ -24,6 +26,7 @@ SOFT_FLAGS = (
     DISABLE_BITS.mjDSBL_ISLAND,
 )
 ROWS_PER_EQUALITY = {EQ.mjEQ_CONNECT: 3, EQ.mjEQ_WELD: 6, EQ.mjEQ_JOINT: 1, EQ.mjEQ_TENDON: 1}
+"""Rows of the equalities that the solver in space covers."""
 LOOP_EQUALITIES = EQ.mjEQ_CONNECT, EQ.mjEQ_WELD
 
 
@@ -41,6 +44,7 @@ class SmoothTerms:
     name = "MuJoCo"
 
     def __init__(self, model: mujoco.MjModel, start: str = "start"):
+        self.whole = model
         self.model = copy.copy(model)
         leave_out_disabled(self.model)
         for flag in SOFT_FLAGS:
@@ -63,6 +67,8 @@ class SmoothTerms:
         loops, ties, row = list[int](), list[tuple[int, int]](), 0
         for e in np.flatnonzero(self.model.eq_active0).tolist():
             kind = EQ(int(self.model.eq_type[e]))
+            if kind not in ROWS_PER_EQUALITY:
+                raise NotCovered(f"equality of a flex: {self.model.equality(e).name or e}")
             own = list(range(row, row + ROWS_PER_EQUALITY[kind]))
             row += ROWS_PER_EQUALITY[kind]
             if kind in LOOP_EQUALITIES:
@@ -108,6 +114,37 @@ class SmoothTerms:
         self.place(q, v, ctrl)
         mujoco.mj_fwdAcceleration(self.model, self.data)
         return self.data.qacc_smooth.copy()
+
+    @cached_property
+    def shapes(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """The model with contacts, and a state of it."""
+        model = copy.copy(self.whole)
+        return model, mujoco.MjData(model)
+
+    def first_contact(self, times: Array | None, q: Array) -> str:
+        """The first contact of poses (n, poses) and, if they have times, between them.
+
+        Between two poses it is looked for as often as the model's steps are long, as the model
+        itself does; empty if there is none.
+        """
+        model, data = self.shapes
+        for k, pose in enumerate(q):
+            places = np.ones(1)
+            if times is not None and k:
+                count = max(1, int(np.ceil((times[k] - times[k - 1]) / model.opt.timestep)))
+                places = np.arange(1, count + 1) / count
+            way, start = np.zeros(model.nv), q[max(k - 1, 0)]
+            mujoco.mj_differentiatePos(model, way, 1.0, start, pose)
+            for share in places:
+                data.qpos[:] = start
+                mujoco.mj_integratePos(model, data.qpos, way, share)
+                if names := touching_geoms(model, data):
+                    where = f"sample {k}"
+                    if times is not None:
+                        before = times[max(k - 1, 0)]
+                        where = f"t = {before + share * (times[k] - before):.4g} s"
+                    return f"{names} touch at {where}"
+        return ""
 
     def terms(self, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
         """All terms at a pose (poses,) with rates (rates,), and with controls, if not the key's."""
@@ -174,3 +211,18 @@ class SmoothTerms:
             along = way / length
             found += float(along @ change + (speed @ speed - (along @ speed) ** 2) / length)
         return found
+
+
+def touching_geoms(model: mujoco.MjModel, data: mujoco.MjData) -> str:
+    """The two geoms of a contact that acts in a pose, such as ``geoms 'foot' and 'floor'``."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_collision(model, data)
+    for contact in data.contact[: data.ncon]:
+        if contact.exclude:
+            continue
+        if min(contact.geom) < 0:
+            return "bodies"
+        one, other = (model.geom(g).name or str(g) for g in contact.geom)
+        return f"geoms {one!r} and {other!r}"
+    return ""

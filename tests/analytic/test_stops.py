@@ -302,12 +302,6 @@ def test_a_start_beyond_a_stop_is_refused(solve):
 
 
 @BOTH_SOLVERS
-def test_limits_with_a_margin_are_refused(solve):
-    with pytest.raises(NotCovered, match="margin of the range of joint 'z'"):
-        solve([0.0, 1.0], model=falling_mass(1.0, 'margin="0.1"'))
-
-
-@BOTH_SOLVERS
 @pytest.mark.parametrize("ratio", [-1.0, 0.0])
 def test_a_solref_of_mixed_format_is_replaced_as_mujoco_replaces_it(solve, ratio):
     """MuJoCo's default has the damping ratio 1."""

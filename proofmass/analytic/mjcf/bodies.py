@@ -77,6 +77,8 @@ class BodyData:
         Share of its weight that ``gravcomp`` takes away [1].
     is_mocap : bool
         Whether a program places it, and no joint.
+    is_placed_by_key : bool
+        Whether a key places it elsewhere than the MJCF.
     is_fixed : bool
         Whether no joint is between the body and the ground.
     """
@@ -92,6 +94,7 @@ class BodyData:
     moments: Array
     weight_share: float
     is_mocap: bool
+    is_placed_by_key: bool
     is_fixed: bool
 
     @cached_property
@@ -140,6 +143,8 @@ class JointData:
         Time constant and damping ratio of the limit, or its negative stiffness and damping [SI].
     force_range : tuple of float
         Smallest and largest total force of the actuators on a hinge or slide [N m or N].
+    takes_weight : bool
+        Whether its actuators compensate the weight of bodies with ``gravcomp``.
     carrier : int
         The body that its body hangs on by this joint alone, 0 for the ground; -1 if it has others.
     """
@@ -162,7 +167,13 @@ class JointData:
     margin: float
     limit_solref: Array
     force_range: tuple[float, float]
+    takes_weight: bool
     carrier: int
+
+    @property
+    def stop_range(self) -> tuple[float, float]:
+        """Where its stops begin to act: the range without the margin at both ends [rad or m]."""
+        return self.range[0] + self.margin, self.range[1] - self.margin
 
     @property
     def is_scalar(self) -> bool:
@@ -200,7 +211,23 @@ def read_body(model: Any, b: int) -> BodyData:
         np.array(model.body_inertia[b]),
         float(model.body_gravcomp[b]),
         bool(model.body_mocapid[b] >= 0),
+        is_placed_by_key(model, b),
         bool(model.body_weldid[b] == 0),
+    )
+
+
+def is_placed_by_key(model: Any, b: int) -> bool:
+    """Whether a key places body b, if it is a mocap body, elsewhere than the MJCF."""
+    number = int(model.body_mocapid[b])
+    if number < 0 or not model.nkey:
+        return False
+    own = slice(3 * number, 3 * number + 3), slice(4 * number, 4 * number + 4)
+    places, turns = (
+        np.reshape(part, (model.nkey, -1)) for part in (model.key_mpos, model.key_mquat)
+    )
+    return bool(
+        np.any(places[:, own[0]] != model.body_pos[b])
+        or np.any(turns[:, own[1]] != model.body_quat[b])
     )
 
 
@@ -234,6 +261,7 @@ def read_joint(model: Any, j: int) -> JointData:
         float(model.jnt_margin[j]),
         np.array(model.jnt_solref[j]),
         read_range(model.jnt_actfrcrange[j], bool(model.jnt_actfrclimited[j])),
+        bool(model.jnt_actgravcomp[j]),
         int(model.body_weldid[model.body_parentid[body]]) if alone else -1,
     )
 

@@ -40,7 +40,7 @@ from proofmass.analytic.numerics import (
 )
 from proofmass.analytic.planar.support import SUPPORT
 from proofmass.analytic.stops import Stop, stops_of_joint
-from proofmass.analytic.support import refuse
+from proofmass.analytic.support import refuse, refuse_placed_bodies
 from proofmass.base.arrays import Array, Complex, Index
 
 
@@ -578,7 +578,7 @@ class Projection:
             damping,
             float(joint.armature[0]),
             self.load(joint, ctrl),
-            joint.range,
+            joint.stop_range,
             float(joint.friction[0]),
             self.servo(joint),
             (stiffer[0], stiffer[1]),
@@ -591,7 +591,7 @@ class Projection:
         Raises
         ------
         NotCovered
-            A limit has a margin, or has no damping ratio.
+            A limit has no damping ratio.
         """
         for joint in self.data.joints:
             if joint.name not in driven:
@@ -749,6 +749,7 @@ def make_mechanism(data: ModelData, start: str) -> tuple[Mechanism, Projection]:
     """Make the mechanism of a model's data; see `read`."""
     every_joint = tuple(joint.name for joint in data.joints)
     refuse(data, SUPPORT, driven=every_joint)  # `solve` examines actuators of free joints
+    refuse_placed_bodies(data)
     plane, key = Projection(data), data.key(start)
     springs = (
         SumSpring(tendon.name, tendon.terms, **spring_of(tendon))

@@ -33,6 +33,7 @@ from proofmass.analytic.numerics import (
     unwrap_quaternions,
 )
 from proofmass.analytic.protocol import Ask, InputMotion, Reference
+from proofmass.analytic.spatial.encounters import refuse_encounters
 from proofmass.analytic.spatial.equilibrium import TreeAtRest
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
 from proofmass.analytic.spatial.mechanism import (
@@ -260,6 +261,7 @@ def describe_conservation(tree: Tree, followed: SolvedMotion) -> str:
     if (
         tree.actuators
         or tree.site_loads
+        or tree.reliefs.any()
         or tree.damping.any()
         or any(any(tendon.damping) for tendon in tree.tendons)
         or len(followed.held.q) < 2
@@ -399,7 +401,9 @@ def compare_and_move(
         (np.arange(float(len(held.q))), "sample") if times is None else (times, "t")
     )
     comparison = compare_terms(tree, source, instants, held.q, held.v, instant_name, ctrl)
-    return SolvedMotion(way, held, move_tree(tree, held.q, held.v, held.a), comparison, ctrl)
+    motion = move_tree(tree, held.q, held.v, held.a)
+    refuse_encounters(tree, source, motion, held.q, held.v, times)
+    return SolvedMotion(way, held, motion, comparison, ctrl)
 
 
 def force_curves(

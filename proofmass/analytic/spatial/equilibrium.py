@@ -55,7 +55,7 @@ class TreeAtRest:
             for joint in self.tree.joints
             if joint.is_scalar and joint.rate not in self.driven
             for stop in make_stops(
-                joint.name, joint.range, joint.pose, joint.rate, float(self.sizes[joint.rate])
+                joint.name, joint.stop_range, joint.pose, joint.rate, float(self.sizes[joint.rate])
             )
         )
 

@@ -28,7 +28,7 @@ from proofmass.analytic.mjcf import (
 )
 from proofmass.analytic.numerics import NotCovered, without_rounding
 from proofmass.analytic.spatial.support import SUPPORT
-from proofmass.analytic.support import refuse, refuse_contacts
+from proofmass.analytic.support import refuse, refuse_placed_bodies
 from proofmass.base.arrays import Array, Index
 
 
@@ -140,6 +140,12 @@ class Tree:
         )
 
     @cached_property
+    def reliefs(self) -> Array:
+        """Forces at the centres of mass that take away weight (bodies, 3) [N]."""
+        shares = np.array([body.weight_share for body in self.bodies])
+        return np.asarray(-(shares * self.masses[0])[:, None] * self.gravity)
+
+    @cached_property
     def turns(self) -> Array:
         """1 where a rate is an angular one, else 0 (rates,)."""
         found = np.ones(len(self.armature))
@@ -248,13 +254,22 @@ def read_tree(model: Any, start: str) -> Tree:
 
 def make_tree(data: ModelData, start: str) -> Tree:
     """Make the tree of a model's data; see `read_tree`."""
-    refuse_contacts(data)
     refuse(data, SUPPORT)
+    refuse_placed_bodies(data)
+    refuse_weight_on_actuators(data)
     for joint in data.joints:
         if joint.friction.any() and not joint.is_scalar:
             raise NotCovered(f"frictionloss of joint {joint.name!r}, which is a {joint.kind} joint")
     on_site = ActuatorTarget.SITE
     return Tree(data, data.key(start), tuple(one for one in data.acting if one.target != on_site))
+
+
+def refuse_weight_on_actuators(data: ModelData) -> None:
+    """Raise NotCovered if actuators compensate weight, which is then part of their forces."""
+    if any(body.weight_share for body in data.bodies):
+        for joint in data.joints:
+            if joint.takes_weight:
+                raise NotCovered(f"actuatorgravcomp of joint {joint.name!r}")
 
 
 def quaternion_product(one: Array, two: Array) -> Array:

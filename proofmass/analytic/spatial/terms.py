@@ -37,6 +37,7 @@ from proofmass.analytic.spatial.mechanism import (
     quaternion_conjugate,
     quaternion_product,
 )
+from proofmass.analytic.support import refuse_contacts
 from proofmass.analytic.term_source import Terms
 from proofmass.base.arrays import Array
 
@@ -63,6 +64,11 @@ class OwnTerms:
         found = self.terms(q, v, ctrl)
         return np.asarray(np.linalg.solve(found.mass, found.force - found.bias))
 
+    def first_contact(self, times: Array | None, q: Array) -> str:
+        """Raise NotCovered: the terms have masses, and no shapes."""
+        refuse_contacts(self.tree.data)
+        return ""
+
 
 def own_terms(tree: Tree, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
     """Compute all terms at poses q (n, poses) with rates v (n, rates).
@@ -76,6 +82,8 @@ def own_terms(tree: Tree, q: Array, v: Array, ctrl: Array | None = None) -> Term
     force = spring_forces(tree, lengths, q, v) + actuators_on_joints(
         tree, motion, lengths, q, v, ctrl
     )
+    if tree.reliefs.any():
+        force = force + np.einsum("nbkr,bk->nr", centre_rows(tree, motion)[0], tree.reliefs)
     return Terms(mass, bias, force, gaps, tree.without_rounding(rows), drifts)
 
 

@@ -343,10 +343,7 @@ REFUSED_FEATURES = {
         'name="h"',
         'name="h" stiffness="1" springyield="1"',
     ),
-    "gravcomp of body 'b'": ('<body name="b"', '<body name="b" gravcomp="1"'),
     "density or viscosity of the options": ("<option>", '<option density="1">'),
-    "mocap body 'm'": ("<worldbody>", '<worldbody><body name="m" mocap="true"/>'),
-    "contacts are not covered": ('<flag contact="disable"/>', ""),
     "activation of actuator 'muscle'": (
         "</worldbody>",
         '</worldbody><actuator><muscle name="muscle" joint="h" lengthrange="0 1"/></actuator>',
