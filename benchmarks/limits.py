@@ -25,6 +25,7 @@ from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import BoundaryKind, Failure
 from proofmass.studies.stress.extremes import ENERGY_PARAMETER, list_extremes
 from proofmass.studies.stress.limit_search import LimitSearch, step_by_factor
+from proofmass.studies.stress.stable_steps import STABLE_STEP_PARAMETER
 from proofmass.studies.study import Make, Study
 from proofmass.studies.trade.program import TIMED_OUT_PREFIX, drive_ways, run_stored_program
 from proofmass.studies.trade.verify import setting_as_used
@@ -178,7 +179,10 @@ class ProgramStudy(Study):
 
 
 def confirm(limits: Sequence[PrintedLimit], study: ProgramStudy) -> list[BareLimit]:
-    """Run the programs of all limits of dynamics runs, but those of energy."""
+    """Run the programs of all limits of dynamics runs, but those of energy.
+
+    Stable time steps are left out as well, since `stress` measures them in bare MuJoCo itself.
+    """
     searches = dict[tuple[str, str, str, str], LimitSearch]()
     for name in dict.fromkeys(one.case for one in limits):
         case = load_case(next((ROOT / "models").rglob(f"{name}.toml")))
@@ -189,7 +193,7 @@ def confirm(limits: Sequence[PrintedLimit], study: ProgramStudy) -> list[BareLim
         (one, searches[key])
         for one in limits
         if (key := (one.case, one.parameter, one.engine, one.setting)) in searches
-        and one.parameter != ENERGY_PARAMETER
+        and one.parameter not in (ENERGY_PARAMETER, STABLE_STEP_PARAMETER)
     ]
     with ThreadPoolExecutor(JOBS) as workers:
         return list(workers.map(lambda each: try_sides(*each), asked))

@@ -39,6 +39,7 @@ from proofmass.studies.stress.limit_search import (
     require,
 )
 
+STABLE_STEP_PARAMETER = "stable time step"
 KNOWN_SETTINGS = {"timestep", "integrator"}
 """Settings of a case with which its model is screened."""
 MAX_COORDINATES = 100
@@ -144,7 +145,7 @@ def search_integrators(
             what,
             NATIVE_ENGINE,
             scheme.name,
-            "stable time step",
+            STABLE_STEP_PARAMETER,
             "s",
             own,
             reach,
