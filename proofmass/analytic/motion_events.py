@@ -55,10 +55,10 @@ of rates are of the order of 1e-13 of it."""
 SLOW_RATE = 1e-3
 """Smallest rate that counts as the fastest so far [rad/s, or sizes/s], so that rates of a joint
 that has not moved yet are not measured by rounding."""
-RATE_PROBES, EARLY_PROBES = np.linspace(0.125, 1.0, 8), np.geomspace(1e-6, 1e-2, 3)
+RATE_PROBES, EARLY_PROBES = np.linspace(0.25, 1.0, 4), np.geomspace(1e-6, 1e-2, 3)
 """Shares of a step at which rates are evaluated: near its start too where a joint begins to slip,
 since one that breaks loose starts with no acceleration."""
-FORCE_PROBES = np.linspace(0.0, 1.0, 5)
+FORCE_PROBES = np.linspace(0.0, 1.0, 3)
 """Shares of a step at which the forces at rest are evaluated."""
 MIN_STEPS_IN_TIME = 256
 """Least number of steps of a motion under drives or changing controls while joints are at rest:
@@ -745,8 +745,8 @@ def minima_by_values(
 ) -> Iterator[tuple[float, float]]:
     """Iterate over minima of a function near times at which it is lower than at both neighbours.
 
-    Only those are looked for that may be below zero, if the function falls to them by no more than
-    it rises to a neighbour.
+    Those near the ends count too.  Only minima are looked for that may be below zero, if the
+    function falls to them by no more than it rises to a neighbour.
 
     >>> ((time, value),) = minima_by_values(lambda t: (t - 0.6) ** 2 - 0.01, [0.0, 0.5, 1.0],
     ...                                     np.array([0.35, 0.0, 0.15]))
@@ -755,10 +755,11 @@ def minima_by_values(
     """
     from scipy.optimize import minimize_scalar  # slow to load
 
-    for k in range(1, len(times) - 1):
-        low, one, high = values[k - 1 : k + 2].tolist()
-        if low >= one < high and one < max(low, high) - one:
-            ends = times[k - 1], times[k + 1]
+    for k, one in enumerate(values.tolist()):
+        first, last = max(k - 1, 0), min(k + 1, len(times) - 1)
+        low, high = float(values[first]), float(values[last])
+        if low >= one <= high and one < max(low, high) - one:
+            ends = times[first], times[last]
             tolerance = {"xatol": MINIMUM_TIME_SHARE * (ends[1] - ends[0])}
             found = minimize_scalar(function, bounds=ends, method="bounded", options=tolerance)
             yield float(found.x), float(found.fun)

@@ -1,6 +1,6 @@
 """Dry friction of joints in time: decisions, closed forms, and motions that others integrate."""
 
-from functools import cache
+from functools import cache, partial
 
 import mujoco
 import numpy as np
@@ -11,8 +11,10 @@ from scipy.optimize import linprog, lsq_linear
 
 from proofmass.analytic import planar, spatial
 from proofmass.analytic.contacts import restitution
+from proofmass.analytic.controls import ControlsInTime
 from proofmass.analytic.joints_at_rest import RestRows
 from proofmass.analytic.motion_events import MotionWithEvents
+from proofmass.analytic.numerics import NotCovered, SingularHere
 from proofmass.analytic.planar.dynamics import free_motion
 from proofmass.analytic.planar.mechanism import read
 from proofmass.analytic.spatial.mechanism import read_tree
@@ -21,6 +23,9 @@ from proofmass.analytic.spatial.terms import OwnTerms
 from proofmass.sim.smooth import SmoothTerms
 from tests.analytic import friction_witness
 from tests.analytic.friction_witness import brent, chain_model, random_chain
+from tests.analytic.one_coordinate import follow as follow_one
+from tests.analytic.one_coordinate import four_bar, four_bar_angles, slider_crank
+from tests.shipped import shipped
 
 HEAD = """<mujoco><compiler autolimits="true" angle="radian"/><option gravity="{}">
   <flag contact="disable"/></option>"""
@@ -39,16 +44,23 @@ def solve(solver: str, model: mujoco.MjModel, times: np.ndarray, **more) -> dict
 
 
 def events_of(
-    solver: str, model: mujoco.MjModel, times: np.ndarray, terms: type = SmoothTerms
+    solver: str,
+    model: mujoco.MjModel,
+    times: np.ndarray,
+    terms: type = SmoothTerms,
+    controls: dict | None = None,
 ) -> MotionWithEvents:
     """A free motion with its events; that in space has the terms of MuJoCo or our own."""
     if solver == "planar":
         mechanism, plane = read(model, "start")
-        return free_motion(mechanism, times, stops=tuple(plane.stops(mechanism)))
+        changing = ControlsInTime.of(plane.data, mechanism.ctrl, controls)
+        stops = tuple(plane.stops(mechanism))
+        return free_motion(mechanism, times, stops=stops, controls=changing)
     tree = read_tree(model, "start")
-    stops = tuple(spatial.stops_of_tree(tree))
+    changing = ControlsInTime.of(tree.data, tree.ctrl, controls)
     source = OwnTerms(tree) if terms is OwnTerms else terms(model)
-    return integrate_motion(tree, source, times, stops).followed
+    stops = tuple(spatial.stops_of_tree(tree))
+    return integrate_motion(tree, source, times, stops, changing).followed
 
 
 def event_times(motion: MotionWithEvents) -> np.ndarray:
@@ -367,3 +379,164 @@ def test_energy_falls_by_the_work_of_friction(solver, seed):
     assert work[-1] < -1e-3
     assert (np.diff(work) <= 1e-15).all()
     assert np.abs(energy - energy[0] - work).max() < 1e-10
+
+
+# --- loops
+
+
+def slider_crank_model(crank: float) -> mujoco.MjModel:
+    """The shipped slider-crank, let go from a crank angle."""
+    model = mujoco.MjModel.from_xml_path(str(shipped("slider_crank_released.xml")))
+    coupler = -np.arcsin(np.sin(crank) / 3)
+    slider = 0.1 * np.cos(crank) + 0.3 * np.cos(coupler) - 0.4
+    model.key_qpos[0] = [crank, coupler - crank, slider]
+    return model
+
+
+def bar(joint: str, length: float, mass: float, friction: float = 0.0) -> str:
+    """A joint with friction, and the inertia of a uniform bar."""
+    inertia = " ".join([repr(mass * length**2 / 12)] * 3)
+    return f"""<joint name="{joint}" axis="0 0 1" frictionloss="{friction}"/>
+      <inertial pos="{length / 2} 0 0" mass="{mass}" diaginertia="{inertia}"/>"""
+
+
+def four_bar_model(crank: float) -> mujoco.MjModel:
+    coupler, rocker = four_bar_angles(crank)
+    return compiled(f"""{WEIGHT}<worldbody><body>{bar("crank", 0.1, 0.4)}
+      <body pos="0.1 0 0">{bar("coupler", 0.28, 0.7, 0.02)}<site name="one" pos="0.28 0 0"/></body>
+      </body><body pos="0.3 0 0">{bar("rocker", 0.24, 0.5, 0.03)}<site name="two" pos="0.24 0 0"/>
+      </body></worldbody><equality><connect site1="one" site2="two"/></equality><sensor>
+      <jointpos name="crank" joint="crank"/></sensor><keyframe>
+      <key name="start" qpos="{crank} {coupler - crank} {rocker}"/></keyframe></mujoco>""")
+
+
+@BOTH_SOLVERS
+@pytest.mark.parametrize(
+    ("make", "linkage", "start", "until"),
+    [
+        (slider_crank_model, slider_crank(), 0.3, 1.5),
+        (slider_crank_model, slider_crank(), 1.2, 1.5),
+        (four_bar_model, four_bar(), 1.0, 1.5),
+        (four_bar_model, four_bar(), 2.5, 1.5),
+    ],
+    ids=["slider-crank 0.3", "slider-crank 1.2", "four-bar 1.0", "four-bar 2.5"],
+)
+def test_linkages_halt_when_an_equation_in_one_coordinate_says(solver, make, linkage, start, until):
+    """Joints halt together, pass their own dead points, and stick together at the end."""
+    known, end = follow_one(linkage, start, until)
+    found = events_of(solver, make(start), np.array([0.0, until]))
+    assert len(known) > 2
+    assert event_times(found).shape == np.shape(known)
+    assert np.abs(event_times(found) - known).max() < 1e-10
+    assert abs(found.states[-1][0][0] - end) < 1e-10
+
+
+FIVE_BAR = 2.0, 1.0
+"""Angles of the two cranks."""
+
+
+def five_bar() -> tuple[mujoco.MjModel, np.ndarray, np.ndarray]:
+    """A five-bar with friction at four pins: model, rates of the pins and of V by the cranks."""
+    one, two = (0.1 * np.exp(1j * angle) for angle in FIVE_BAR)
+    way = 0.25 + two - one
+    up = np.angle(way) + np.arccos(abs(way) / 0.4)
+    left, right = 0.2 * np.exp(1j * up), one + 0.2 * np.exp(1j * up) - 0.25 - two
+    rows = np.array(
+        [[(1j * left).real, -(1j * right).real], [(1j * left).imag, -(1j * right).imag]]
+    )
+    cranks = np.array([[(-1j * one).real, (1j * two).real], [(-1j * one).imag, (1j * two).imag]])
+    bars = np.linalg.solve(rows, cranks)  # rates of the upper bars by those of the cranks
+    pins = np.array([[1, 0], bars[0] - [1, 0], [0, 1], bars[1] - [0, 1]])
+    heights = 0.3 * 0.5 * np.array([(1j * one).imag, (1j * two).imag])
+    heights = heights + 0.5 * (np.array([(1j * one).imag, 0]) + 0.5 * (1j * left).imag * bars[0])
+    heights = heights + 0.5 * (np.array([0, (1j * two).imag]) + 0.5 * (1j * right).imag * bars[1])
+    angles = [2.0, up - 2.0, 1.0, np.angle(right) - 1.0]
+
+    model = compiled(f"""{WEIGHT}<worldbody><body>{bar("a", 0.1, 0.3, 0.5)}
+      <body pos="0.1 0 0">{bar("b", 0.2, 0.5, 0.15)}<site name="one" pos="0.2 0 0"/></body></body>
+      <body pos="0.25 0 0">{bar("c", 0.1, 0.3, 0.55)}
+      <body pos="0.1 0 0">{bar("d", 0.2, 0.5, 0.12)}<site name="two" pos="0.2 0 0"/></body></body>
+      </worldbody><equality><connect site1="one" site2="two"/></equality><actuator>
+      <motor name="on_a" joint="a"/><motor name="on_c" joint="c"/></actuator><keyframe>
+      <key name="start" qpos="{" ".join(map(repr, map(float, angles)))}"/></keyframe></mujoco>""")
+    return model, pins, 9.81 * heights
+
+
+@BOTH_SOLVERS
+def test_four_pins_of_a_five_bar_break_loose_when_a_ray_of_its_motions_says(solver):
+    """Two degrees of freedom: the first of the motions in which one pin does not turn begins."""
+    model, pins, weight = five_bar()
+    friction = np.array([0.5, 0.15, 0.55, 0.12])
+    loads = {"on_a": sine(1.3, 4.0), "on_c": sine(0.9, 6.3)}
+
+    def power(t: float, way: np.ndarray) -> float:
+        pushed = np.array([loads["on_a"](t)[0], loads["on_c"](t)[0]]) - weight
+        return float(pushed @ way - friction @ np.abs(pins @ way))
+
+    ways = [sense * np.array([-row[1], row[0]]) for row in pins for sense in (1, -1)]
+    known = min(brent(lambda t, w=w: power(t, w), 0.0, 0.3) for w in ways if power(0.3, w) > 0)
+    assert abs(known - 0.023769196106634) < 1e-14
+    found = events_of(solver, model, np.linspace(0.0, 0.03, 4), controls=loads)
+    assert abs(event_times(found)[0] - known) < 1e-13
+    assert len(found.slips) == 3
+    at_rest = np.isnan(found.forces[0])
+    assert at_rest.all()  # of four pins that stick only two sums of moments are determined
+
+
+def sine(size: float, frequency: float):
+    """A control that follows a sine."""
+    return partial(sine_profile, size, frequency)
+
+
+def sine_profile(size: float, w: float, t):
+    return size * np.sin(w * t), size * w * np.cos(w * t), -size * w * w * np.sin(w * t)
+
+
+# --- traps
+
+
+@BOTH_SOLVERS
+@pytest.mark.parametrize(("share", "slips"), [(1.0 - 1e-9, 0), (1.0 + 1e-7, 2)])
+def test_a_block_breaks_loose_at_a_peak_of_its_load_however_short(solver, share, slips):
+    """A mechanism that sticks has no error: only the length of its steps finds the peak."""
+    text = f"""{LEVEL}<worldbody><body><joint name="x" type="slide" axis="1 0 0"
+      frictionloss="3"/><geom size="0.1" mass="2"/></body></worldbody><actuator>
+      <motor name="push" joint="x"/></actuator></mujoco>"""
+    loads = {"push": sine(3.0 * share, 2.0)}
+    found = events_of(solver, compiled(text), np.linspace(0.0, 3.0, 4), controls=loads)
+    assert len(found.slips) == slips
+    if slips:
+        first = np.arcsin(1.0 / share) / 2.0
+        assert abs(found.slips[0][0] - first) < 1e-9
+    else:
+        assert not np.any(found.arrays()[0])
+
+
+@BOTH_SOLVERS
+def test_a_joint_with_friction_at_a_dead_point_at_rest_is_refused(solver):
+    """The slider of a slider-crank with its crank at 0: friction has no effect there."""
+    model = slider_crank_model(0.0)
+    with pytest.raises(SingularHere, match="'slider' with friction"):
+        solve(solver, model, np.array([0.0, 0.5]))
+
+
+def test_friction_of_a_ball_is_refused():
+    model = compiled(f"""{LEVEL}<worldbody><body><joint name="ball" type="ball" frictionloss="1"/>
+      <geom size="0.1"/></body></worldbody></mujoco>""")
+    with pytest.raises(NotCovered, match="frictionloss of joint 'ball', which is a ball joint"):
+        solve("spatial", model, np.array([0.0, 1.0]))
+
+
+def test_both_references_have_the_moments_of_drives_against_friction():
+    """In a sweep, at rest and with inertia, where drives determine all joints."""
+    model = mujoco.MjModel.from_xml_path(str(shipped("slider_crank_friction.xml")))
+    turn = np.linspace(0.3, 2.0, 9)
+    turn = np.concatenate([turn, turn[-2::-1]])
+    rate = np.where(np.arange(17) < 9, 1.5, -1.5)
+    for inertia in (False, True):
+        asked = {"model": model, "joints": ("crank",), "inertia": inertia}
+        one, two = (one.solve(turn, rate, 0.5, **asked) for one in (planar, spatial))
+        forces = [name for name in two if "moment" in name or "force" in name]
+        assert forces == ["holding_moment"]
+        for name in forces:
+            assert np.abs(one[name] - two[name]).max() < 1e-11 * np.abs(one[name]).max(), name

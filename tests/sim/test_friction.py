@@ -33,6 +33,8 @@ SLIDER_CRANK_CASE = load_case(shipped("slider_crank_friction.toml"))
 SIDECARS_WITH_FRICTION = [
     f for f in shipped_files() if compiled_model(shipped_case(f)).dof_frictionloss.any()
 ]
+SWEEPS_WITH_FRICTION = [f for f in SIDECARS_WITH_FRICTION if "sweep" in shipped_case(f).run]
+MOTIONS_WITH_FRICTION = [f for f in SIDECARS_WITH_FRICTION if "dynamics" in shipped_case(f).run]
 FRICTION_ATTRIBUTE = re.compile(r'frictionloss="([^"]+)"')
 
 
@@ -240,11 +242,21 @@ def with_one_period(case):
     return case.model_copy(update={"run": {"sweep": sweep.model_copy(update=few)}})
 
 
-FRICTION_NUMBERS = [
-    (file.stem, k)
-    for file in SIDECARS_WITH_FRICTION
-    for k in range(len(FRICTION_ATTRIBUTE.findall(shipped_case(file).model_path.read_text())))
-]
+def friction_numbers(files):
+    """Names of cases, each with the numbers of the joints with friction."""
+    return [
+        (file.stem, k)
+        for file in files
+        for k in range(len(FRICTION_ATTRIBUTE.findall(shipped_case(file).model_path.read_text())))
+    ]
+
+
+def enlarge_friction(file, number, factor):
+    """Change one ``frictionloss`` of a model."""
+    text = file.read_text()
+    place = list(FRICTION_ATTRIBUTE.finditer(text))[number]
+    larger = repr(factor * float(place[1]))
+    file.write_text(text[: place.start(1)] + larger + text[place.end(1) :])
 
 
 @pytest.mark.parametrize(
@@ -255,19 +267,30 @@ FRICTION_NUMBERS = [
             engine,
             marks=[pytest.mark.slow] * (engine == "pymunk" and one[0] == "balancer_prototype"),
         )
-        for one in FRICTION_NUMBERS
+        for one in friction_numbers(SWEEPS_WITH_FRICTION)
         for engine in ENGINES
     ],
 )
 def test_every_friction_that_is_0_1_percent_larger_differs(name, number, engine, models):
     """One ``frictionloss`` that is 0.1 % larger changes an outcome to "differs"."""
-    file = models / load_case(shipped(f"{name}.toml")).model
-    text = file.read_text()
-    place = list(FRICTION_ATTRIBUTE.finditer(text))[number]
-    larger = repr(1.001 * float(place[1]))
-    file.write_text(text[: place.start(1)] + larger + text[place.end(1) :])
+    enlarge_friction(models / load_case(shipped(f"{name}.toml")).model, number, 1.001)
     case = with_one_period(load_case(models / f"{name}.toml"))
     found = compare(case, "sweep", engine, solve_here(case, "sweep", engine), detectable=False)
+    assert "differs" in {one.outcome for one in found}
+
+
+@pytest.mark.parametrize(("name", "number"), friction_numbers(MOTIONS_WITH_FRICTION))
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_motion_with_5_percent_more_friction_in_one_joint_of_the_engine_differs(
+    name, number, engine, models
+):
+    """The reference reads the model too, so the engine alone has the changed one."""
+    case = load_case(shipped(f"{name}.toml"))
+    own = compare(case, "dynamics", engine, solve_here(case, "dynamics", engine), detectable=False)
+    assert {one.outcome for one in own} == {"agrees"}
+    enlarge_friction(models / case.model, number, 1.05)
+    curves = solve_here(load_case(models / f"{name}.toml"), "dynamics", engine)
+    found = compare(case, "dynamics", engine, curves, detectable=False)
     assert "differs" in {one.outcome for one in found}
 
 
