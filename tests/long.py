@@ -487,6 +487,7 @@ DEFAULT_PARAMETERS = {
             "108-rebound",
             "101-rest-planar",
         ],
+        "test_both_references_meet_stops_of_all_joints_at_the_same_times": ["209"],
         "test_energy_falls_by_the_work_of_friction": ["34-planar", "33-spatial"],
         "test_four_pins_of_a_five_bar_break_loose_when_a_ray_of_its_motions_says": ["planar"],
         "test_linkages_halt_when_an_equation_in_one_coordinate_says": [

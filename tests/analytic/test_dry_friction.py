@@ -367,6 +367,23 @@ def test_random_chains_have_the_events_of_an_ode_with_all_patterns_tried(solver,
     assert np.abs(found.states[-1][0] - known.q).max() < 1e-9
 
 
+@pytest.mark.parametrize("seed", [202, 204, 205, 209, 213, 215])
+def test_both_references_meet_stops_of_all_joints_at_the_same_times(seed):
+    """The terms of their equations have nothing in common; some joints begin on their stops."""
+    random, chain = np.random.default_rng(seed), random_chain(seed, damped=False)
+    chain.ratio = 1e9 if seed % 2 else 0.4
+    ways = random.uniform(0.0, 0.5, chain.start.size)
+    ways[random.uniform(size=ways.size) < 0.2] = 0.0
+    ends = enumerate((chain.start + ways).tolist())
+    chain.stops = [(joint, 1.0, end, 0.0) for joint, end in ends]
+    model, t = compiled(chain_model(chain)), np.linspace(0.0, 1.0, 11)
+    one, two = (events_of(solver, model, t) for solver in SOLVERS)
+    assert event_times(one).size > 3
+    assert np.abs(event_times(one) - event_times(two)).max() < 1e-10
+    assert np.abs(one.arrays()[0] - two.arrays()[0]).max() < 1e-10
+    assert one.rested == two.rested
+
+
 @BOTH_SOLVERS
 @pytest.mark.parametrize("seed", range(30, 40))
 def test_energy_falls_by_the_work_of_friction(solver, seed):

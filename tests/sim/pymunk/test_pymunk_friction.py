@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic import planar
-from proofmass.sim.protocol.run import Drive, Run
+from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 from proofmass.sim.pymunk.engine import ENGINE, simulate
 from tests.analytic.friction_witness import chain_model, random_chain
 from tests.programs import program_curves
@@ -125,3 +125,22 @@ def test_a_program_has_the_friction_of_hinges_and_slides(tmp_path):
     found = program_curves(ENGINE.programs.write_program(path, run, "", ""), tmp_path)
     for name in names:
         assert np.abs(found[name] - wanted[name]).max() < 1e-11 * np.ptp(wanted[name]), name
+
+
+def sine(t):
+    """A load of 4 N that swings."""
+    return 4.0 * np.sin(3.0 * t), 12.0 * np.cos(3.0 * t), -36.0 * np.sin(3.0 * t)
+
+
+def test_a_block_moves_only_while_its_load_is_larger_than_its_friction(tmp_path):
+    text = BLOCK.replace('stiffness="100"', "").replace('qpos="0.5"', 'qpos="0"')
+    text = text.replace("<sensor>", '<actuator><motor name="push" joint="x"/></actuator><sensor>')
+    t = np.linspace(0.0, 2.0, 21)
+    model = mujoco.MjModel.from_xml_string(text)
+    known = planar.solve(t, model=model, control_profiles={"push": sine})["x"]
+    loads = (ChangingLoad("push", sine),)
+    found = run_of(tmp_path / "block.xml", text, t, ("x",), loads=loads)["x"]
+    begins = np.arcsin(0.75) / 3.0
+    assert np.abs(found[t < begins]).max() < 1e-15
+    assert np.ptp(known) > 0.02
+    assert np.abs(found - known).max() < 1e-3 * np.ptp(known)
