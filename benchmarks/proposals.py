@@ -176,7 +176,10 @@ def refusal(words: str) -> str:
 
 def format_line(one: ProposalOutcome) -> str:
     """A line on a model."""
-    return f"{one.file}: {one.kind} {one.checked} ({one.seconds:.1f} s) {one.words[:300]}"
+    faults = {"traceback": one.traceback, "file left": one.left}
+    faults["not tried"] = bool(one.checked) and not one.tried
+    marks = "".join(f" {fault.upper()}" for fault, there in faults.items() if there)
+    return f"{one.file}: {one.kind} {one.checked} ({one.seconds:.1f} s){marks} {one.words[:300]}"
 
 
 def table(found: Sequence[ProposalOutcome]) -> Iterator[str]:
