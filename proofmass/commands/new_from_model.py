@@ -13,7 +13,7 @@ from pathlib import Path
 from proofmass.base.errors import InputError, model_error
 from proofmass.base.files import write_atomically
 from proofmass.base.strict import Kind
-from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
+from proofmass.base.worker import call_isolated
 from proofmass.batch.check import screen_isolated
 from proofmass.commands.proposal.inspection import ModelSummary, UnnamedKey, inspect_model
 from proofmass.commands.proposal.measured_runs import measure_runs
@@ -121,8 +121,11 @@ def inspect_isolated(model: Path) -> ModelSummary:
         found: ModelSummary = call_isolated(inspect_model, model, timeout=INSPECTION_SECONDS)
     except BadModel as error:
         raise model_error(model, error) from None
-    except (TimedOut, OutOfMemory, Crashed) as error:
-        raise InputError(model, "", f"its motion could not be looked at: {error}") from None
+    except InputError:
+        raise
+    except Exception as error:  # models of others may raise anything
+        words = str(error) or type(error).__name__
+        raise InputError(model, "", f"its motion could not be looked at: {words}") from None
     return found
 
 

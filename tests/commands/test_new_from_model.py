@@ -722,3 +722,13 @@ def test_a_run_without_a_compared_curve_is_left_out(proposal, outcome):
         accept(proposal, "dynamics", "mujoco", outcome_of(Outcome.NOTHING_MOVED))
     assert proposal.messages == []
     accept(proposal, "dynamics", "mujoco", outcome_of(Outcome.DIFFERS))
+
+
+def test_an_unexpected_error_of_a_model_is_a_line(tmp_path, monkeypatch):
+    def fail(function, *args, **limits):
+        raise KeyError("joint")
+
+    monkeypatch.setattr(new_from_model, "call_isolated", fail)
+    with pytest.raises(InputError, match="its motion could not be looked at: 'joint'"):
+        write_proposal("mine", tmp_path / "model.xml")
+    assert not any(tmp_path.iterdir())

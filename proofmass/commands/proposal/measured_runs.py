@@ -15,7 +15,7 @@ from pathlib import Path
 from proofmass.base.errors import InputError
 from proofmass.base.strict import Kind
 from proofmass.base.wording import format_list
-from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
+from proofmass.base.worker import call_isolated
 from proofmass.batch.check import run_solver
 from proofmass.batch.work import compare_and_share
 from proofmass.case.case import Case, Tolerance
@@ -215,8 +215,9 @@ def try_in_worker(
         found: MutantTrial = call_isolated(
             try_mutants, *asked, timeout=limits.timeout, memory=limits.memory
         )
-    except (TimedOut, OutOfMemory, Crashed) as error:
-        raise LeftOut(f"no change of the model could be tried: {error}") from None
+    except Exception as error:  # models of others may raise anything
+        words = str(error) or type(error).__name__
+        raise LeftOut(f"no change of the model could be tried: {words}") from None
     return found
 
 
