@@ -70,6 +70,8 @@ INSPECTION_WORK = 12.0
 what the reference itself takes, since only the time is needed."""
 
 
+MAX_REASONS = 2
+"""Largest number of reasons for which a run or a reference is left out that are written."""
 NAME_THE_KEY = 'its key has no name; write <key name="start" …/>'
 
 
@@ -271,6 +273,18 @@ def refuse_unusable_start(path: Path, model: MjModel, start: str) -> None:
             )
 
 
+def first_reasons(why: str) -> str:
+    """The first of many reasons why an engine does not cover a run.
+
+    >>> first_reasons("no a; no b; no c; no d; leave it out")
+    'no a; no b; 2 more reasons'
+    """
+    parts = why.removesuffix("; leave it out").split("; ")
+    if len(parts) <= MAX_REASONS:
+        return "; ".join(parts)
+    return f"{'; '.join(parts[:MAX_REASONS])}; {len(parts) - MAX_REASONS} more reasons"
+
+
 def free_times() -> np.ndarray:
     """Times (n,) at which a reference must be known to be proposed for a free motion [s]."""
     return np.linspace(0.0, FREE_MOTION_SECONDS, OWN_MODEL_SAMPLES)
@@ -310,11 +324,11 @@ def inspect_in_space(path: Path, model: MjModel, start: str, dof: int, planar: s
     look = summarize_model(model, start, dof)
     if not look.moves:
         return look
-    why = f"the general planar solver does not cover it: {planar}"
+    why = f"the general planar solver does not cover it: {first_reasons(planar)}"
     try:
         spatial.solve(free_times(), model=model, start=start, terms=smooth_terms(model, start))
     except ValueError as error:
-        why += f"; nor does that for motions in space: {error}"
+        why += f"; nor does that for motions in space: {first_reasons(str(error))}"
     else:
         return replace(look, reference="spatial", why=why)
     try:

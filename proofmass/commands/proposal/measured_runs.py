@@ -6,7 +6,7 @@ variant with a finer step, and its tolerances hold for both: with its own step t
 or differs, and with the finer one it agrees.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf, isfinite, isnan
@@ -19,6 +19,7 @@ from proofmass.base.worker import call_isolated
 from proofmass.batch.check import run_solver
 from proofmass.batch.work import compare_and_share
 from proofmass.case.case import Case, Tolerance
+from proofmass.commands.proposal.inspection import first_reasons
 from proofmass.commands.proposal.measured_tolerance import (
     describe_far_off,
     far_off,
@@ -49,8 +50,6 @@ MAX_STABLE_HALVINGS = 8
 """Halvings of the step after which a model that fails is not tried with a finer one."""
 CREEP = FindingKind.CREEP
 """The finding that tells why a model moves in MuJoCo that its reference holds at rest."""
-MAX_REASONS = 2
-"""Largest number of reasons for which a run is left out that are written."""
 VARIANT = "finer"
 """Name of the variant of a solver with a finer step than the model's."""
 
@@ -134,18 +133,6 @@ def measure_runs(proposal: Proposal, sidecar: Path, screen: Screen | None) -> No
     proposal.messages += [f"{format_list(of)}: left out: {why}" for why, of in left_out.items()]
 
 
-def first_reasons(why: str) -> str:
-    """The first of many reasons why an engine does not cover a run.
-
-    >>> first_reasons("no a; no b; no c; no d; leave it out")
-    'no a; no b; 2 more reasons'
-    """
-    parts = why.removesuffix("; leave it out").split("; ")
-    if len(parts) <= MAX_REASONS:
-        return "; ".join(parts)
-    return f"{'; '.join(parts[:MAX_REASONS])}; {len(parts) - MAX_REASONS} more reasons"
-
-
 def measure_run(
     proposal: Proposal, case: Case, kind: Kind, solver: str, screen: Screen | None
 ) -> None:
@@ -186,12 +173,17 @@ def accept(proposal: Proposal, kind: Kind, solver: str, run: MeasuredRun, step: 
     proposal.messages.append("; ".join(words))
 
 
-def measure(proposal: Proposal, case: Case, kind: Kind, solver: str) -> MeasuredRun:
-    """Make a run of a solver, propose its tolerances, and try mutants."""
+def measure(
+    proposal: Proposal,
+    case: Case,
+    kind: Kind,
+    solver: str,
+    tolerances: tuple[Tolerance, ...] = (),
+) -> MeasuredRun:
+    """Make a run of a solver, propose its tolerances if none are given, and try mutants."""
     found, _ = run_solver(case, kind, solver, COMPARE_ERRORS_ONLY)
-    tolerances = tuple[Tolerance, ...]()
     if not proposal.look.is_determined and found[0].outcome not in FAILED_OUTCOMES:
-        tolerances = tuple(measured_tolerances(kind, (solver,), found))
+        tolerances = tolerances or tuple(measured_tolerances(kind, (solver,), found))
         case = case.model_copy(update={"tolerance": tolerances})
         found, _ = run_solver(case, kind, solver, COMPARE_ERRORS_ONLY)
     agreeing = [
@@ -259,28 +251,37 @@ def measure_free_motion(proposal: Proposal, case: Case, solver: str, screen: Scr
     if own.turned or own.still:
         return accept(proposal, "dynamics", solver, own)
     variant = f"{solver}:{VARIANT}"
-    native = solver == NATIVE_ENGINE
-    steps = screen.steps if screen and native else None
+    steps = screen.steps if screen and solver == NATIVE_ENGINE else None
+    best = best_finer_run(proposal, case, variant, bool(own.failed), steps)
+    if best is None:
+        if own.failed:
+            raise LeftOut(f"{own.failed}; finer steps do not help")
+        return accept(proposal, "dynamics", solver, own)
+    step, run = best
     why = describe_own(proposal, own, steps)
-    if best := best_finer_run(proposal, case, variant, bool(own.failed), steps):
-        step, run = best
-        proposal.add_variant("dynamics", solver, variant, step, why)
-        if native:  # the model is made for its step in this engine
-            proposal.messages.append(f"dynamics, {solver}: {why}, so that it does not agree")
-            both = [one.model_copy(update={"solver": (solver, variant)}) for one in run.tolerances]
-            run = replace(run, tolerances=tuple(both))
-        else:
-            proposal.leave_out("dynamics", solver)
+    words = f", with a step of {format_seconds(step)}"
+    shared = tolerances_for(run.tolerances, (solver,), words)
+    closer = own if own.failed else measure(proposal, case, "dynamics", solver, shared)
+    if closer.turned and not closer.differs:
         return accept(
-            proposal,
-            "dynamics",
-            variant,
-            run,
-            f", with a step of {format_seconds(step)}" + ("" if native else f"; {why}"),
+            proposal, "dynamics", solver, closer, f"; its tolerances are measured{words[1:]}"
         )
-    if own.failed:
-        raise LeftOut(f"{own.failed}; finer steps do not help")
-    return accept(proposal, "dynamics", solver, own)
+    proposal.add_variant("dynamics", solver, variant, step, why)
+    if solver == NATIVE_ENGINE and (closer.failed or closer.differs):  # its step is for this engine
+        proposal.messages.append(f"dynamics, {solver}: {why}, so that it does not agree")
+        both = tolerances_for(run.tolerances, (solver, variant), words)
+        return accept(proposal, "dynamics", variant, replace(run, tolerances=both), words)
+    proposal.leave_out("dynamics", solver)
+    return accept(proposal, "dynamics", variant, run, f"{words}; {why}")
+
+
+def tolerances_for(
+    some: Iterable[Tolerance], solvers: tuple[str, ...], words: str
+) -> tuple[Tolerance, ...]:
+    """Tolerances for other solvers, whose reason says with which step they were measured."""
+    return tuple(
+        one.model_copy(update={"solver": solvers, "why": f"{one.why}{words}"}) for one in some
+    )
 
 
 def best_finer_run(
