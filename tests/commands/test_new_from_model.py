@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from proofmass.base.errors import InputError
 from proofmass.batch.check import check
+from proofmass.case.case import Tolerance
 from proofmass.commands import new_from_model
 from proofmass.commands.cli import app
 from proofmass.commands.new_from_model import write_proposal
@@ -23,6 +24,7 @@ from proofmass.commands.proposal.measured_runs import (
     NothingMoves,
     accept,
     measure_driven_motion,
+    measure_free_motion,
 )
 from proofmass.commands.proposal.measured_tolerance import (
     describe_far_off,
@@ -732,3 +734,25 @@ def test_an_unexpected_error_of_a_model_is_a_line(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="its motion could not be looked at: 'joint'"):
         write_proposal("mine", tmp_path / "model.xml")
     assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("noticed", [True, False])
+def test_a_step_that_agrees_with_finer_tolerances_is_tried_with_them(
+    monkeypatch, proposal, noticed
+):
+    """If a mutant turns its check it stays alone, and otherwise the finer step takes its place."""
+
+    def measure(proposal, case, kind, solver, tolerances=()):
+        run = outcome_of(Outcome.AGREES)
+        turned = solver == "mujoco:finer" or (noticed and tolerances)
+        trial = MutantTrial(("a larger by 1 %",), int(bool(turned)), 1, "a")
+        one = Tolerance(run="dynamics", solver=(solver,), abs=0.1, why="measured")
+        return replace(run, trial=trial, tolerances=tolerances or (one,))
+
+    monkeypatch.setattr(measured_runs, "measure", measure)
+    monkeypatch.setattr(measured_runs, "with_step", lambda case, solver, step: case)
+    measure_free_motion(proposal, None, "mujoco", None)
+    kept = "mujoco" if noticed else "mujoco:finer"
+    assert proposal.runs == {"dynamics": [kept]}
+    assert [one.solver for one in proposal.tolerances] == [(kept,)]
+    assert proposal.steps == ({} if noticed else {"mujoco:finer": 0.002})
