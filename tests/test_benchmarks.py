@@ -45,6 +45,7 @@ SLOW_BENCHMARKS = (
     "floors",
     "kinematics",
     "pictures",
+    "proposals",
     "rod_settling",
     "rod_solutions",
     "stress",
