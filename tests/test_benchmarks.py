@@ -44,6 +44,7 @@ SLOW_BENCHMARKS = (
     "diet",
     "floors",
     "kinematics",
+    "model_pages",
     "pictures",
     "proposals",
     "rod_settling",

@@ -54,6 +54,8 @@ FIRST_CHANGE_SHARE = 1e-4
 """Share of the trial change in the first run of a number, whose rates tell the next change."""
 ACCEPTED_RATIO = 4.0
 """An estimate is accepted if the noticed change it comes from is at most so many times as large."""
+CLOSE_BOUNDS = 1.5
+"""Ratio of a noticed and an unnoticed change at which a search between them ends."""
 MAX_ROUNDS = 8
 """Most runs in the search for the smallest noticed change."""
 FAILED_CHANGE_FACTOR = 1e-2
@@ -419,15 +421,19 @@ class Search:
                     number, limit.factor * change, run, limit.channel
                 )
             estimate = self.estimate_change(run, number, change, trial)
-            if not estimate or (least is None and abs(estimate) > number.step):
+            if trial.ratio <= 1:
+                largest_unnoticed = max(largest_unnoticed, abs(change))
+            is_bounded = least is not None and largest_unnoticed > 0.0
+            if not is_bounded and (not estimate or (least is None and abs(estimate) > number.step)):
                 break  # the rate was only rounding
             # twice the estimate: a change that should be noticed, and so bounds the search
             following = math.copysign(min(2 * abs(estimate), number.step), estimate)
-            if trial.ratio <= 1:
-                largest_unnoticed = max(largest_unnoticed, abs(change))
             if least and largest_unnoticed:
+                if abs(least[0]) < CLOSE_BOUNDS * largest_unnoticed:
+                    break
                 # The change is between two bounds, but the rates missed it, since the error is
-                # quadratic, for example: the mean of the bounds' logarithms halves the search.
+                # quadratic, or has a threshold, as friction has that a solver's tolerance hides:
+                # the mean of the bounds' logarithms halves the search.
                 following = math.copysign(math.sqrt(largest_unnoticed * abs(least[0])), least[0])
             change = following
         if least is None:

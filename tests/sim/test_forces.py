@@ -292,9 +292,9 @@ def test_accelerations_of_the_sample_before_give_wrong_forces(monkeypatch):
             central = SampledMotion.__init__
 
             def with_accelerations_of_sample_before(
-                self, pose, velocity, acceleration, central=central
+                self, pose, velocity, acceleration, *more, central=central
             ):
-                central(self, pose, velocity, np.roll(acceleration, 1, axis=0))
+                central(self, pose, velocity, np.roll(acceleration, 1, axis=0), *more)
 
             monkeypatch.setattr(SampledMotion, "__init__", with_accelerations_of_sample_before)
         run = four_bar_run("dynamics", Swing(0.3, 4.0, 3.0), timestep=step)

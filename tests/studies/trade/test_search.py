@@ -683,16 +683,16 @@ def test_a_step_that_takes_too_long_is_not_tried_once_the_order_is_known(
 
 
 def test_a_free_motion_without_a_reference_is_given_up_after_one_round(tmp_path) -> None:
-    """The elbow's joint limit has a margin, for which there is no reference.
+    """The elbow has a spring that yields, for which there is no reference.
 
     All settings with the longest step are tried; the setting of the model, with a shorter one, is
     not, and no engine runs.
     """
     models = Path(__file__).parents[2] / "data" / "chosen"
     text = (models / "double_pendulum.xml").read_text(encoding="utf-8")
-    stopped = text.replace('range="-170 170"', 'range="-170 170" margin="0.1"')
-    assert stopped != text
-    (tmp_path / "double_pendulum.xml").write_text(stopped, encoding="utf-8")
+    yielding = text.replace('range="-170 170"', 'range="-170 170" stiffness="1" springyield="1"')
+    assert yielding != text
+    (tmp_path / "double_pendulum.xml").write_text(yielding, encoding="utf-8")
     copyfile(models / "double_pendulum.toml", tmp_path / "double_pendulum.toml")
     case = load_case(tmp_path / "double_pendulum.toml")
     rows = search(case, "position", 1e-3, Study(Store(tmp_path)), engine="pymunk")
