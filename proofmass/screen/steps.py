@@ -188,9 +188,11 @@ def not_confirmed(found: StableSteps) -> ModelFinding:
 def cures(model: mujoco.MjModel, key: int, found: StableSteps) -> Iterator[str]:
     """What makes the model stable: a step, an integrator, an armature."""
     yield f'timestep="{SAFE_SHARE * found.limit:.2g}"'
+    best = WORTHWHILE_STEP * found.own
     for name, limit in found.limits.items():
-        if name != found.integrator and limit > WORTHWHILE_STEP * found.own:
+        if name != found.integrator and min(limit, LONGEST_STEP) > best:
             yield f'integrator="{name}" (stable up to {format_seconds(min(limit, LONGEST_STEP))})'
+            best = WORTHWHILE_STEP * min(limit, LONGEST_STEP)  # the next has to be better
     if found.breaking and (armature := curing_armature(model, key, found)):
         yield f'armature="{armature:.2g}" on {found.breaking.joint}'
     if found.breaking and (gain := curing_gain(model, key, found)):
