@@ -33,6 +33,8 @@ MULTIPLIER_SHARE = 1e-10
 """Least singular value for the multipliers of loops, as a share of the largest."""
 LEAST_MODE_RATE = 1e-3
 """Modes whose eigenvalue is smaller are free motions [1/s]."""
+ROUNDED_DAMPING = 1e-9
+"""Damping ratio that counts as zero: what central differences and eigenvalues leave of it [1]."""
 DISCRETE = mujoco.mjtIntegrator.mjINT_DISCRETE
 LINEAR = mujoco.mjtConstraintState.mjCNSTRSTATE_QUADRATIC
 
@@ -60,7 +62,8 @@ class VibrationMode:
     @property
     def damping(self) -> float:
         """The damping ratio [1]: 1 for a mode that does not oscillate and decays."""
-        return -self.rate.real / abs(self.rate)
+        ratio = -self.rate.real / abs(self.rate)
+        return ratio if abs(ratio) > ROUNDED_DAMPING else 0.0
 
     @property
     def oscillates(self) -> bool:

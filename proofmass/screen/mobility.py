@@ -135,7 +135,9 @@ def judge_mobility(pose: RestPose, found: Mobility) -> Iterator[ModelFinding]:
             f"the mobility is 0: {found.equations} equations, of which {found.rank} are "
             f"independent, leave none of {found.coordinates} joint coordinates free; what moves is "
             "the softness of the loops",
-            "replace a weld that closes a loop by a connect, or leave out a loop",
+            "replace a weld that closes a loop by a connect, or leave out a loop"
+            if np.any(pose.model.eq_type == mujoco.mjtEq.mjEQ_WELD)
+            else "leave out a loop, or give a body of it another joint",
             value=0.0,
         )
     elif found.rank_beside > found.rank:

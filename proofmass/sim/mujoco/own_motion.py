@@ -7,7 +7,9 @@ model.  They are solved
 * with the model's integrator and step, and with 1/2, 1/4, 1/8, .. of that step;
 * by DOP853, which integrates the accelerations of ``mj_forward`` and chooses its steps by an error
   tolerance, with two tolerances;
-* once more with a start pose that differs by 1e-9 of the model's size;
+* once more with a start pose that differs by 1e-9 of the model's size, with a step that converges;
+  and with the model's own step from such a pose and speeds: in a start in balance, such as that of
+  servos at their targets, a step that is too long is not noticed otherwise;
 * with other settings that a user might try: Euler, implicitfast and RK4 with the model's step and
   finer ones, of which the caller chooses, and contacts and loops with time constants that are four
   times as short.
@@ -35,6 +37,7 @@ from numpy.typing import NDArray
 from proofmass.analytic.controls import break_times, smooth_pieces
 from proofmass.base.arrays import Array
 from proofmass.base.clock import processor_time
+from proofmass.base.wording import number
 from proofmass.sim.contents import control_indices
 from proofmass.sim.mjcf import (
     collected_warnings,
@@ -343,11 +346,16 @@ def solve_in_several_ways(
     points = point_reader(model)
 
     def stepped(
-        name: str, parts: int, limit: float, n: int, disturbed: float = 0.0, **changed: Any
+        name: str,
+        parts: int,
+        limit: float,
+        n: int,
+        begin: mujoco.MjData = data,
+        **changed: Any,
     ) -> OwnRun:
         return solve_by_steps(
             copy_with_changes(model, step / parts, **changed),
-            disturb_start(model, data, disturbed, inputs.dofs),
+            copy.copy(begin),
             MotionRecord(points, inputs),
             n,
             count * parts,
@@ -357,13 +365,27 @@ def solve_in_several_ways(
 
     limit = {way: share * seconds for way, share in TIME_SHARES.items()}
 
+    beside = disturb_start(model, data, POSE_DISTURBANCE, inputs.dofs)
+    moving = disturb_start(model, data, POSE_DISTURBANCE, inputs.dofs, rates=True)
+
     def halved(k: int, n: int) -> OwnRun:
         return stepped(format_integrator(own, step / 2**k), 2**k, limit["steps"], n)
 
-    as_given = halved(0, times.size)
+    def tried(k: int) -> OwnRun:
+        """A run; or one from a start beside it that fails, which a start in balance hides."""
+        run = halved(k, times.size)
+        if run.is_failure:
+            return run
+        other = stepped(run.name, 2**k, limit["disturbed"], times.size, moving)
+        if other.is_failure and not other.late:
+            words = f"from a start that differs by {number(POSE_DISTURBANCE)}: {other.stopped}"
+            return replace(other, stopped=words)
+        return run
+
+    as_given = tried(0)
     begin, first = 0, as_given
     if as_given.is_failure and not as_given.late:  # a stiff model may run with finer steps
-        finer = ((k, halved(k, times.size)) for k in range(1, MAX_RESCUES + 1))
+        finer = ((k, tried(k)) for k in range(1, MAX_RESCUES + 1))
         begin, first = next(((k, one) for k, one in finer if not one.is_failure), (0, as_given))
     runs = [first]
     halvings, n = affordable_halvings(first, limit["steps"])
@@ -376,7 +398,7 @@ def solve_in_several_ways(
     )
     k = max((k for k, one in enumerate(runs) if one.work < limit["disturbed"]), default=0)
     parts = 2 ** (begin + k)
-    other = stepped("disturbed", parts, limit["disturbed"], n, POSE_DISTURBANCE)
+    other = stepped("disturbed", parts, limit["disturbed"], n, beside)
     stiffer = None
     rubs = model.dof_frictionloss.any() or model.tendon_frictionloss.any()
     if runs[k].depth.any() or model.neq or model.jnt_limited.any() or rubs:
@@ -468,9 +490,16 @@ def copy_with_changes(
 
 
 def disturb_start(
-    model: mujoco.MjModel, data: mujoco.MjData, size: float, driven: NDArray[np.int32]
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    size: float,
+    driven: NDArray[np.int32],
+    rates: bool = False,
 ) -> mujoco.MjData:
-    """A copy of the start with each undriven coordinate moved by a random share of `size`."""
+    """A copy of the start with each undriven coordinate moved by a random share of `size`.
+
+    With `rates` each speed differs by the same number, per second.
+    """
     start = copy.copy(data)
     if size and model.nv:
         shares = np.random.default_rng(20).uniform(-1.0, 1.0, model.nv)
@@ -481,6 +510,8 @@ def disturb_start(
             shares[first:last] *= model.stat.extent
         shares[driven] = 0.0
         mujoco.mj_integratePos(model, start.qpos, shares, size)
+        if rates:
+            start.qvel[:] += size * shares
     return start
 
 

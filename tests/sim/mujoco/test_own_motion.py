@@ -30,6 +30,10 @@ FREE_ROTOR = """<mujoco><option gravity="0 0 0"/><worldbody><body name="b" pos="
 PENDULUM = """<mujoco><option timestep="0.01"/><worldbody><body name="b"><joint name="j"
   axis="0 1 0"/><inertial pos="0 0 -1" mass="1" diaginertia="1e-9 1e-9 1e-9"/></body></worldbody>
   <keyframe><key qpos="1"/></keyframe></mujoco>"""
+SERVO_IN_BALANCE = """<mujoco><option timestep="{step}" gravity="0 0 0"/><worldbody><body><joint
+  name="j" axis="0 1 0"/><inertial pos="0 0 0" mass="1" diaginertia="1e-3 1.389e-3 1e-3"/></body>
+  </worldbody><actuator><velocity joint="j" kv="2"/></actuator>
+  <keyframe><key qvel="1" ctrl="1"/></keyframe></mujoco>"""
 MODEL_WITH_ALL_JOINTS = """<mujoco><worldbody>
   <body name="a"><joint name="s" type="slide" axis="1 0 0"/><joint name="h"/><geom size=".1"/>
     <body name="c" pos="1 0 0"><joint name="b" type="ball"/><geom size=".1" pos=".1 0 0"/></body>
@@ -230,6 +234,17 @@ OPEN_WELD = """<mujoco><option gravity="0 0 0"/><worldbody><body name="a"><joint
   <geom type="capsule" fromto="0 0 0 0 0 -1" size=".1"/></body></worldbody>
   <equality><weld body1="a" body2="world" torquescale="2"/></equality>
   <keyframe><key qpos="0.988"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize(("step", "fails"), [(0.005, True), (0.00125, False)])
+def test_a_step_that_is_too_long_is_noticed_though_the_start_is_in_balance(tmp_path, step, fails):
+    # Euler multiplies a difference of speeds by 1 - h kv / I in each step; kv = 2, I = 1.389e-3
+    motion = solved_motion(tmp_path, SERVO_IN_BALANCE.format(step=step))
+    assert (abs(1 - step * 2.0 / 1.389e-3) > 1) is fails
+    assert bool(motion.failed) is fails
+    if fails:
+        assert why_failed(motion).startswith("from a start that differs by 1e-9: ")
+        assert motion.runs[0].step == 0.00125  # the first halving of 5 ms below 2 I / kv = 1.39 ms
 
 
 def test_a_weld_is_open_by_its_angle(tmp_path):
