@@ -179,7 +179,7 @@ def finding_result(file: Path, finding: "ModelFinding", lines: LineIndex) -> dic
     """The SARIF result of a finding of a first screen, at the line of its element."""
     element, line = finding.element, None
     if element is not None:
-        line = lines.line_of_element(file, element.kind, element.name)
+        line = lines.line_of_element(file, element.tag, element.name)
     name = f"{file.name} {element or ''}".strip()
     level = {"FAULT": "error", "WARNING": "warning"}.get(finding.severity.name, "note")
     return sarif_result(finding.kind, str(finding), [location(file, line)], name, level)

@@ -131,7 +131,7 @@ def draw_isolated(file: Path, screen: "Screen") -> "ModelDrawing | None":
 def finding_line(finding: "ModelFinding", lines: LineIndex, file: Path) -> FindingLine:
     """A finding with the line of its element in the file."""
     element = finding.element
-    line = lines.line_of_element(file, element.kind, element.name) if element else None
+    line = lines.line_of_element(file, element.tag, element.name) if element else None
     text = lines.text(file)[line - 1].strip() if line else ""
     return FindingLine(finding, line, text, with_code(finding.remedy))
 

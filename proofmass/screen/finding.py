@@ -80,11 +80,21 @@ class NamedElement:
     Attributes
     ----------
     kind, name : str
-        Its MJCF element, such as ``joint``, and its name; its number if it has no name.
+        Its MJCF element, such as ``joint``, and its name; its number if it has no name.  The kind
+        of an equality between joints is ``equality joint``, since a joint may have the same name.
     """
 
     kind: str
     name: str
+
+    @property
+    def tag(self) -> str:
+        """The tag of its MJCF element.
+
+        >>> NamedElement("equality joint", "screw").tag, NamedElement("connect", "pin").tag
+        ('joint', 'connect')
+        """
+        return self.kind.rpartition(" ")[2]
 
     def __str__(self) -> str:
         return f"{self.kind} {self.name}"

@@ -118,8 +118,10 @@ def ranks_beside(pose: RestPose) -> list[int]:
 
 
 def equality_element(pose: RestPose, equality: int) -> NamedElement:
-    """An equality as an MJCF element: a connect, weld, joint or tendon, with its name."""
+    """An equality as an MJCF element, with its name: a connect, a weld, an equality joint, ..."""
     kind = mujoco.mjtEq(int(pose.model.eq_type[equality])).name.removeprefix("mjEQ_").lower()
+    if kind not in ("connect", "weld"):
+        kind = f"equality {kind}"
     return NamedElement(kind, pose.element("equality", equality).name)
 
 

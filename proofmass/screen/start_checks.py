@@ -98,17 +98,37 @@ def judge_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Model
     if not touching:
         return
     deepest = min(touching, key=lambda contact: contact.dist)
-    one, other = (named_element(model, "geom", int(g)) for g in deepest.geom)
+    one = named_element(model, "geom", int(deepest.geom[0]))
+    both = " and ".join(name_geom(model, int(g)) for g in deepest.geom)
     depth = -float(deepest.dist)
     deep = depth > DEEP_SHARE * model.stat.extent
     yield ModelFinding(
         FindingKind.CONTACT,
         Severity.WARNING if deep else Severity.NOTE,
         f"{format_count(len(touching), 'contact')} at the start, the deepest by {number(depth)} m, "
-        f"of {one} and {other}",
+        f"of {both}",
         separate(model, deepest) if deep else "",
         one,
         depth,
+    )
+
+
+def name_geom(model: mujoco.MjModel, geom: int) -> str:
+    """A geom; one without a name with its body."""
+    words = str(named_element(model, "geom", geom))
+    if model.geom(geom).name:
+        return words
+    return f"{words} of {named_element(model, 'body', int(model.geom_bodyid[geom]))}"
+
+
+def are_joined(model: mujoco.MjModel, first: int, second: int) -> bool:
+    """Whether a connect or a weld joins two bodies."""
+    loops = np.isin(model.eq_type, (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD))
+    pairs = zip(model.eq_obj1id[loops], model.eq_obj2id[loops], strict=True)
+    sites = model.eq_objtype[loops] == mujoco.mjtObj.mjOBJ_SITE
+    return any(
+        {int(model.site_bodyid[e]) if site else int(e) for e in pair} == {first, second}
+        for pair, site in zip(pairs, sites, strict=True)
     )
 
 
@@ -117,10 +137,16 @@ def separate(model: mujoco.MjModel, contact: "mujoco._structs.MjContact") -> str
     first, second = (int(model.geom_bodyid[g]) for g in contact.geom)
     group = model.body_weldid
     parents = {int(group[model.body_parentid[group[body]]]) for body in (first, second)}
-    if not {int(group[first]), int(group[second])} & parents or 0 in (first, second):
+    carries = bool({int(group[first]), int(group[second])} & parents)
+    joined = are_joined(model, first, second)
+    if not (carries or joined) or 0 in (first, second):
         return "start apart, or exclude neighbours from contact"
+    if not (model.body(first).name and model.body(second).name):
+        return "give both bodies names and leave their contacts out by an <exclude> in <contact>"
     names = [named_element(model, "body", body).name for body in (first, second)]
     exclude = f'<exclude body1="{names[0]}" body2="{names[1]}"/> in <contact>'
+    if joined and not carries:
+        return f"{exclude}, since a loop joins them"
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
         return f'filterparent="enable", or {exclude}, since one carries the other'
     if 0 in (group[first], group[second]):

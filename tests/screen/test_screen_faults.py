@@ -302,3 +302,34 @@ def test_a_step_near_its_limit_is_a_warning_with_a_step():
         for loaded in [mujoco.MjModel.from_xml_string(text.format(step))]
     }
     assert list(severities.values()) == [[], [Severity.NOTE], [Severity.WARNING], [Severity.FAULT]]
+
+
+def test_bodies_that_a_loop_joins_are_left_out_by_a_line_to_paste(tmp_path):
+    file = tmp_path / "model.xml"
+    text = """<mujoco><worldbody>
+      <body name="a"><joint axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 1 0 0" size=".1"/></body>
+      <body name="b" pos="2 0 0"><joint axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 -1 0 0" size=".1"/></body></worldbody>
+      <equality><connect body1="a" body2="b" anchor="1 0 0"/></equality></mujoco>"""
+    file.write_text(text)
+    (found,) = (one for one in screen_model(file).findings if one.kind is FindingKind.CONTACT)
+    assert "of geom 0 of body a and geom 1 of body b" in found.text
+    assert found.remedy == ('<exclude body1="a" body2="b"/> in <contact>, since a loop joins them')
+    file.write_text(
+        text.replace("</mujoco>", f"<contact>{found.remedy.split(' in <')[0]}</contact></mujoco>")
+    )
+    assert not [one for one in screen_model(file).findings if one.kind is FindingKind.CONTACT]
+
+
+def test_an_equality_of_joints_is_not_taken_for_a_joint(tmp_path):
+    file = tmp_path / "model.xml"
+    file.write_text("""<mujoco><worldbody><body>
+      <joint name="turn" axis="0 0 1" frictionloss="0.05"/>
+      <joint name="rise" type="slide" axis="0 0 1"/><geom size=".1" mass="1"/></body></worldbody>
+      <equality><joint joint1="rise" joint2="turn" polycoef="0 .002 0 0 0"/></equality></mujoco>""")
+    screen = screen_model(file)
+    assert [str(element) for element in screen.mobility.needed] == ["equality joint 0"]
+    (found,) = (one for one in screen.findings if one.kind is FindingKind.SOFT_LOOP)
+    assert found.element.tag == "joint"
+    assert found.text.startswith("equality joint 0 gives way by ")

@@ -97,7 +97,7 @@ class FrictionSetting:
             parts.append(f"noslip_iterations {self.iterations}")
         if self.loops:
             names = format_list(str(loop.element) for loop in self.loops)
-            parts.append(f"solref {self.loop_constant:g} 1 of the equality {names}")
+            parts.append(f"solref {self.loop_constant:g} 1 of {names}")
         return ", ".join(parts) or "as in the model"
 
     def apply(self, model: mujoco.MjModel, joints: Sequence[CreepingJoint]) -> mujoco.MjModel:
@@ -126,7 +126,7 @@ class FrictionSetting:
         for loop in self.loops:
             softness = f"{STIFF_IMPEDANCE:g} {STIFF_IMPEDANCE:g} {IMPEDANCE_WIDTH:g}"
             yield (
-                f'<equality><{loop.element.kind} name="{loop.element.name}" '
+                f'<equality><{loop.element.tag} name="{loop.element.name}" '
                 f'solref="{self.loop_constant:g} 1" solimp="{softness}"/></equality>'
             )
 
