@@ -82,10 +82,18 @@ class NamedElement:
     kind, name : str
         Its MJCF element, such as ``joint``, and its name; its number if it has no name.  The kind
         of an equality between joints is ``equality joint``, since a joint may have the same name.
+    body : str
+        The body that has it, of a joint, geom or site without a name; otherwise empty.
+
+    Examples
+    --------
+    >>> print(NamedElement("joint", "0", "arm"))
+    joint 0 of body arm
     """
 
     kind: str
     name: str
+    body: str = ""
 
     @property
     def tag(self) -> str:
@@ -97,7 +105,7 @@ class NamedElement:
         return self.kind.rpartition(" ")[2]
 
     def __str__(self) -> str:
-        return f"{self.kind} {self.name}"
+        return f"{self.kind} {self.name}{f' of body {self.body}' if self.body else ''}"
 
 
 @dataclass(frozen=True)

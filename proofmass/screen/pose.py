@@ -216,9 +216,14 @@ class Constraints:
 
 
 def named_element(model: mujoco.MjModel, kind: str, number: int) -> NamedElement:
-    """An element of a model by its number: its name, or the number if it has none."""
+    """An element of a model by its number: its name; or the number and its body if it has none."""
     object_type = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
-    return NamedElement(kind, mujoco.mj_id2name(model, object_type, number) or str(number))
+    if name := mujoco.mj_id2name(model, object_type, number):
+        return NamedElement(kind, name)
+    bodies = {"joint": model.jnt_bodyid, "geom": model.geom_bodyid, "site": model.site_bodyid}
+    if kind not in bodies:
+        return NamedElement(kind, str(number))
+    return NamedElement(kind, str(number), named_element(model, "body", bodies[kind][number]).name)
 
 
 def coordinate_unit(model: mujoco.MjModel, coordinate: int) -> str:

@@ -98,27 +98,18 @@ def judge_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Model
     if not touching:
         return
     deepest = min(touching, key=lambda contact: contact.dist)
-    one = named_element(model, "geom", int(deepest.geom[0]))
-    both = " and ".join(name_geom(model, int(g)) for g in deepest.geom)
+    one, other = (named_element(model, "geom", int(g)) for g in deepest.geom)
     depth = -float(deepest.dist)
     deep = depth > DEEP_SHARE * model.stat.extent
     yield ModelFinding(
         FindingKind.CONTACT,
         Severity.WARNING if deep else Severity.NOTE,
         f"{format_count(len(touching), 'contact')} at the start, the deepest by {number(depth)} m, "
-        f"of {both}",
+        f"of {one} and {other}",
         separate(model, deepest) if deep else "",
         one,
         depth,
     )
-
-
-def name_geom(model: mujoco.MjModel, geom: int) -> str:
-    """A geom; one without a name with its body."""
-    words = str(named_element(model, "geom", geom))
-    if model.geom(geom).name:
-        return words
-    return f"{words} of {named_element(model, 'body', int(model.geom_bodyid[geom]))}"
 
 
 def are_joined(model: mujoco.MjModel, first: int, second: int) -> bool:

@@ -43,10 +43,14 @@ IMPEDANCE_WIDTH = 0.001
 
 
 class HoldingLoop(NamedTuple):
-    """An equality by which friction holds joints: its number, and its element."""
+    """An equality by which friction holds joints: its number, its element, and how that is found.
+
+    It is found by its name, or by what it joins.
+    """
 
     equality: int
     element: NamedElement
+    attributes: str
 
 
 class HeldJoint(NamedTuple):
@@ -122,11 +126,13 @@ class FrictionSetting:
             yield f'<option noslip_iterations="{self.iterations}" noslip_tolerance="0"/>'
         text = " ".join(f'{key}="{value}"' for key, value in self.attributes.items())
         for joint in joints if text else ():
-            yield f'<joint name="{joint.joint.name}" {text}/>'
+            where = f"<!-- {joint.joint} -->" if joint.joint.body else ""
+            name = "" if where else f'name="{joint.joint.name}" '
+            yield f"<joint {name}{text}/>{where}"
         for loop in self.loops:
             softness = f"{STIFF_IMPEDANCE:g} {STIFF_IMPEDANCE:g} {IMPEDANCE_WIDTH:g}"
             yield (
-                f'<equality><{loop.element.tag} name="{loop.element.name}" '
+                f"<equality><{loop.element.tag} {loop.attributes} "
                 f'solref="{self.loop_constant:g} 1" solimp="{softness}"/></equality>'
             )
 
@@ -250,7 +256,22 @@ def loops_of(
     rows = constraint_rows(model, data)[: data.ne, own]
     equalities = np.unique(np.array(data.efc_id[: data.ne])[np.abs(rows).any(axis=1)])
     pose = RestPose(model, data.qpos, data.ctrl, data.act)
-    return tuple(HoldingLoop(int(e), equality_element(pose, int(e))) for e in equalities)
+    return tuple(
+        HoldingLoop(int(e), equality_element(pose, int(e)), identify_equality(model, int(e)))
+        for e in equalities
+    )
+
+
+def identify_equality(model: mujoco.MjModel, equality: int) -> str:
+    """The attributes by which an equality is found: its name, or what it joins."""
+    if name := model.equality(equality).name:
+        return f'name="{name}"'
+    kind = mujoco.mjtEq(int(model.eq_type[equality])).name.removeprefix("mjEQ_").lower()
+    if kind in ("connect", "weld"):
+        kind = mujoco.mjtObj(int(model.eq_objtype[equality])).name.removeprefix("mjOBJ_").lower()
+    ends = (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality]))
+    names = (named_element(model, kind, end).name for end in ends if end >= 0)
+    return " ".join(f'{kind}{place}="{name}"' for place, name in enumerate(names, start=1))
 
 
 def measure_joints(

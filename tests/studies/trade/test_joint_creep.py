@@ -62,6 +62,25 @@ def test_the_printed_lines_hold_all_joints_in_bare_mujoco(model, speed):
         assert creep_of(pasted(text, way)).max() <= speed
 
 
+def test_elements_without_names_are_printed_so_that_they_can_be_found(tmp_path):
+    file = tmp_path / "model.xml"
+    file.write_text("""<mujoco><worldbody><body name="nut">
+      <joint name="turn" axis="0 0 1" frictionloss="0.05"/>
+      <joint name="rise" type="slide" axis="0 0 1"/><geom size=".1" mass="1"/></body></worldbody>
+      <equality><joint joint1="rise" joint2="turn" polycoef="0 .002 0 0 0"/></equality></mujoco>""")
+    answer = run_choose(file, "--creep", 1e-3)
+    assert answer.exit_code == 0, answer.output
+    assert '<equality><joint joint1="rise" joint2="turn" solref=' in answer.stdout
+    file.write_text("""<mujoco><worldbody><body name="lift">
+      <joint type="slide" axis="0 0 1" frictionloss="30"/><geom size=".1" mass="2"/></body>
+      </worldbody></mujoco>""")
+    assert re.search(
+        r'^<joint solimpfriction="[^"]+"/><!-- joint 0 of body lift -->$',
+        run_choose(file, "--creep", 1e-3).stdout,
+        re.MULTILINE,
+    )
+
+
 def test_what_was_measured_stands_beside_the_formula():
     answer = run_choose(HOLD565, "--creep", 1e-3)
     said = " ".join(answer.stdout.split())
