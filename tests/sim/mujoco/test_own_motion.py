@@ -270,6 +270,24 @@ def test_stiffer_friction_shows_how_far_joints_creep(tmp_path):
     assert "their softness matters more than the step, with which it is off by" in words
 
 
+def test_contacts_of_distance_fields_are_counted_where_bodies_are_near():
+    spec = mujoco.MjSpec()
+    for name, place in (("one", 0.0), ("other", 0.1)):
+        body = spec.worldbody.add_body(name=name, pos=[place, 0, 0])
+        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0])
+        body.add_geom(size=[0.1, 0, 0])
+    model = spec.compile()
+    model.geom_type[0] = mujoco.mjtGeom.mjGEOM_SDF  # counted only, and never stepped
+    work, near = StepWork(model), mujoco.MjData(model)
+    near.geom_xpos[:] = [[0, 0, 0], [0.1, 0, 0]]
+    far = mujoco.MjData(model)
+    far.geom_xpos[:] = [[0, 0, 0], [0.3, 0, 0]]
+    points = model.opt.sdf_initpoints * model.opt.sdf_iterations
+    assert points > 0
+    assert work.step(far) == work.fixed
+    assert work.step(near) - work.fixed == pytest.approx(1e-6 * points, rel=1e-9)
+
+
 def test_work_grows_with_all_that_costs_time():
     """RK4 evaluates the forces four times; bodies, constraints and implicit damping add to it."""
     text = (
