@@ -21,7 +21,7 @@ from proofmass.analytic import planar, spatial
 from proofmass.base.read_once import forget_inputs
 from proofmass.base.worker import call_isolated
 from proofmass.reference.model_run import smooth_terms
-from proofmass.screen.screen import start_key
+from proofmass.screen.short_run import start_key
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol.failures import BadModel
 

@@ -166,7 +166,9 @@ class RestRows:
             raise SingularHere("the forces of joints at rest cannot be found")
         shares, reserve = found.x[:count], float(found.x[count])
         at_bound = np.where(
-            one_sided, shares < reserve + 1e-7, np.abs(shares) > 1.0 - reserve - 1e-7
+            one_sided,
+            shares < reserve + PROGRAM_ROUNDING,
+            np.abs(shares) > 1.0 - reserve - PROGRAM_ROUNDING,
         )
         signs = np.sign(shares)
         rubbing, pushing = at_bound & ~one_sided, at_bound & one_sided

@@ -16,7 +16,7 @@ of friction needs no integration, as a joint with the friction F loses F times i
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import Protocol
 
@@ -67,6 +67,8 @@ missed.  Steps are not longer than the distance of the samples either."""
 MINIMUM_TIME_SHARE = 1e-6
 """Share of the time between probes to which a minimum is located: its value is then right to the
 square of that."""
+SAME_TIME = 1e-12
+"""Distance of events [s] that counts as none."""
 HALT_TIME_ROUNDING = 1e-15
 """Correction of the time of a halt [s] that is rounding."""
 
@@ -133,7 +135,7 @@ class Phase:
     stuck: tuple[StuckJoint, ...] = ()
     slipping: tuple[tuple[FrictionJoint, float], ...] = ()
 
-    @property
+    @cached_property
     def held(self) -> tuple["Stop | StuckJoint", ...]:
         """Joints with a constant value: those that rest on stops, then those that stick."""
         return (*self.resting, *self.stuck)
@@ -150,7 +152,10 @@ class Phase:
         return -sum(sense * one.bound * float(change[one.pose]) for one, sense in self.slipping)
 
     def fix(self, q: Array, v: Array, a: Array) -> State:
-        """Set the values of joints that are at rest, which equalities keep up to rounding."""
+        """The state with the values of joints at rest, which equalities keep up to rounding."""
+        if not self.held:
+            return q, v, a
+        q, v, a = q.copy(), v.copy(), a.copy()
         for one in self.held:
             q[one.pose], v[one.rate], a[one.rate] = one.value, 0.0, 0.0
         return q, v, a
@@ -299,6 +304,34 @@ def integrate_with_events(
     return EventFollower(system, times, q, v).follow()
 
 
+def phase_after(
+    resting: Sequence[Stop],
+    stuck: Sequence[StuckJoint],
+    senses: Sequence[float],
+    slipping: tuple[tuple[FrictionJoint, float], ...],
+) -> Phase:
+    """The phase in which joints at rest go on with these senses: 0 of those that stay at rest.
+
+    The senses are those of the joints that rest on stops, then of those that stick; `slipping` are
+    the joints that slip already.
+    """
+    of_stops, of_joints = senses[: len(resting)], senses[len(resting) :]
+    return Phase(
+        tuple(stop for stop, sense in zip(resting, of_stops, strict=True) if not sense),
+        tuple(one for one, sense in zip(stuck, of_joints, strict=True) if not sense),
+        slipping
+        + tuple(
+            (one.friction, sense) for one, sense in zip(stuck, of_joints, strict=True) if sense
+        ),
+    )
+
+
+def mobility_of(motions: Array, mass: Array, rates: Sequence[int]) -> Array:
+    """Motion of some rates with the free motions, as a share of that without loops."""
+    moves = np.linalg.norm(motions[rates], axis=1)
+    return np.asarray(moves / np.sqrt(np.diag(np.linalg.inv(mass))[rates]))
+
+
 class EventFollower:
     """A motion that is followed from event to event, at a present time and state."""
 
@@ -312,7 +345,9 @@ class EventFollower:
         self.longest = float(times[-1] - times[0]) / steps if system.changes_in_time else np.inf
         self.frictions = tuple(system.frictions)
         if self.frictions:
-            mobility = self.mobility(self.balance(Phase()), [one.rate for one in self.frictions])
+            balance = self.balance(Phase())
+            motions = free_motions(balance.mass, balance.rows)
+            mobility = mobility_of(motions, balance.mass, [one.rate for one in self.frictions])
             self.found.prescribed = {
                 one.rate
                 for one, share in zip(self.frictions, mobility, strict=True)
@@ -325,12 +360,6 @@ class EventFollower:
     def balance(self, phase: Phase) -> Balance:
         """The balance of the present state in a phase."""
         return self.system.balance(self.t, *self.system.state(phase, self.t, self.q, self.v))
-
-    def mobility(self, balance: Balance, rates: Sequence[int]) -> Array:
-        """Motion of some rates with the free motions, as a share of that without loops."""
-        moves = np.linalg.norm(free_motions(balance.mass, balance.rows)[rates], axis=1)
-        alone = np.sqrt(np.diag(np.linalg.inv(balance.mass))[rates])
-        return np.asarray(moves / alone)
 
     def follow(self) -> MotionWithEvents:
         """Follow the motion to the last sample."""
@@ -379,7 +408,7 @@ class EventFollower:
                 self.t = later
                 for part in self.system.steps(self.phase, step.start, q, v, later, np.inf):
                     self.q, self.v, _ = part.at(part.end)
-        self.events_at_once = self.events_at_once + 1 if self.t - before < 1e-12 else 0
+        self.events_at_once = self.events_at_once + 1 if self.t - before < SAME_TIME else 0
         if self.events_at_once > MAX_EVENTS_AT_ONCE:
             raise NotCovered(f"events follow each other without end at t = {self.t:.6g} s")
         return event
@@ -502,9 +531,8 @@ class EventFollower:
         held = [*rates_of(resting), *rates_of(self.phase.stuck)]
         balance = self.balance(Phase(slipping=self.phase.slipping))
         rows = np.vstack([balance.rows, np.eye(self.v.size)[held]])
-        balance = Balance(rows, balance.mass, balance.needed)
-        if self.mobility(balance, [joint.rate])[0] > DEAD_POINT_MOBILITY:
-            motions = free_motions(balance.mass, rows)
+        motions = free_motions(balance.mass, rows)
+        if mobility_of(motions, balance.mass, [joint.rate])[0] > DEAD_POINT_MOBILITY:
             row = motions[joint.rate]
             self.v = self.v - motions @ row * (self.v[joint.rate] / (row @ row))
 
@@ -532,7 +560,7 @@ class EventFollower:
         balance = self.system.balance(self.t, *state)
         motions = free_motions(balance.mass, balance.rows)
         if still:
-            mobility = self.mobility(balance, [one.rate for one in still])
+            mobility = mobility_of(motions, balance.mass, [one.rate for one in still])
             dead = [
                 one
                 for one, share in zip(still, mobility, strict=True)
@@ -544,19 +572,10 @@ class EventFollower:
         acceleration = signs * a[[*rates_of(touched), *rates_of(still)]]
         self.stop_unit = self.unit_of_acceleration(motions, touched, still, acceleration)
         senses = self.rest_rows(touched, still, motions).decide(acceleration).tolist()
-        of_stops, of_joints = senses[: len(touched)], senses[len(touched) :]
         # a joint that sticks at its stop is held by two rows, which must not differ by rounding
         ends = {stop.pose: stop.value for stop in touched}
-        return Phase(
-            tuple(stop for stop, sense in zip(touched, of_stops, strict=True) if not sense),
-            tuple(
-                StuckJoint(one, ends.get(one.pose, float(self.q[one.pose])))
-                for one, sense in zip(still, of_joints, strict=True)
-                if not sense
-            ),
-            slipping
-            + tuple((one, sense) for one, sense in zip(still, of_joints, strict=True) if sense),
-        )
+        stuck = [StuckJoint(one, ends.get(one.pose, float(self.q[one.pose]))) for one in still]
+        return phase_after(touched, stuck, senses, slipping)
 
     def sense_at_dead_point(self, joint: FrictionJoint, a: Array) -> float:
         """Sense in which a joint goes on from its dead point, through which others move it."""
@@ -591,19 +610,11 @@ class EventFollower:
         """The phase that follows where forces at rest end: the motion that begins."""
         state = self.system.state(self.phase, self.t, self.q, self.v)
         begins = self.rest_forces(self.t, state).begins.tolist()
-        resting, stuck = self.phase.resting, self.phase.stuck
-        of_stops, of_joints = begins[: len(resting)], begins[len(resting) :]
+        after = phase_after(self.phase.resting, self.phase.stuck, begins, self.phase.slipping)
         self.found.releases += [
-            (self.t, stop.joint) for stop, sense in zip(resting, of_stops, strict=True) if sense
+            (self.t, stop.joint) for stop in self.phase.resting if stop not in after.resting
         ]
-        return Phase(
-            tuple(stop for stop, sense in zip(resting, of_stops, strict=True) if not sense),
-            tuple(one for one, sense in zip(stuck, of_joints, strict=True) if not sense),
-            self.phase.slipping
-            + tuple(
-                (one.friction, sense) for one, sense in zip(stuck, of_joints, strict=True) if sense
-            ),
-        )
+        return after
 
     # --- events in a step
 
@@ -622,7 +633,8 @@ class EventFollower:
         if self.found.prescribed:
             balance = self.system.balance(step.end, *step.at(step.end))
             rates = sorted(self.found.prescribed)
-            moved = self.mobility(balance, rates) > DEAD_POINT_MOBILITY
+            motions = free_motions(balance.mass, balance.rows)
+            moved = mobility_of(motions, balance.mass, rates) > DEAD_POINT_MOBILITY
             if moved.any():
                 rate = rates[int(np.argmax(moved))]
                 (name,) = {one.joint for one in self.system.frictions if one.rate == rate}

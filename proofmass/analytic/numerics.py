@@ -327,3 +327,15 @@ def motion_senses(rate: Array, fastest: float) -> Array:
     return np.asarray(
         np.take_along_axis(np.where(is_moving, np.sign(rate), 0.0), last_moving, axis=-1)
     )
+
+
+def interpolate_cubic(
+    share: Array, begin: Array, end: Array, slope: Array, end_slope: Array
+) -> Array:
+    """Cubic Hermite interpolation between values; slopes are derivatives by `share`."""
+    s, rest = share, 1.0 - share
+    return np.asarray(
+        rest**2 * (1 + 2 * s) * begin
+        + s**2 * (1 + 2 * rest) * end
+        + s * rest * (rest * slope - s * end_slope)
+    )

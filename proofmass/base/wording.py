@@ -1,7 +1,11 @@
 """Numbers, units and lists as text for people."""
 
 import math
-from collections.abc import Iterable
+import re
+from collections.abc import Callable, Iterable
+
+MJCF_PARTS = re.compile(r'(<\w[^>]*/>|\w+="[^"]*")')
+"""An element or an attribute of MJCF in a sentence."""
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -49,3 +53,13 @@ def format_count(count: int, noun: str) -> str:
     """
     plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
     return f"{count} {noun if count == 1 else plural}"
+
+
+def format_mjcf_parts(text: str, code: Callable[[str], str], rest: Callable[[str], str]) -> str:
+    """Format elements and attributes of MJCF in a text by `code`, and what is between by `rest`.
+
+    >>> format_mjcf_parts('damping="1" on joint j', lambda part: f"`{part}`", str.upper)
+    '`damping="1"` ON JOINT J'
+    """
+    parts = MJCF_PARTS.split(text)
+    return "".join((code if k % 2 else rest)(part) for k, part in enumerate(parts))

@@ -470,6 +470,11 @@ class CheckStep(NamedTuple):
     here: bool = False
 
 
+def is_checkable(thing: Any) -> bool:
+    """Whether something is a `Checkable`."""
+    return isinstance(thing, Path | str | Case) or is_model_object(thing)
+
+
 def sort_given(given: "Iterable[Checkable] | Checkable") -> tuple[tuple[Path, ...], list[Any]]:
     """The paths among what is to be checked, and the cases and models of MuJoCo.
 
@@ -478,13 +483,12 @@ def sort_given(given: "Iterable[Checkable] | Checkable") -> tuple[tuple[Path, ..
     TypeError
         Something is none of these.
     """
-    single = isinstance(given, Path | str | Case) or is_model_object(given)
-    things = [given] if single else list(cast("Iterable[Checkable]", given))
+    things = [given] if is_checkable(given) else list(cast("Iterable[Checkable]", given))
     paths, objects = list[Path](), list[Any]()
     for one in things:
         if isinstance(one, Path | str):
             paths.append(Path(one))
-        elif isinstance(one, Case) or is_model_object(one):
+        elif is_checkable(one):
             objects.append(one)
         else:
             raise TypeError(

@@ -146,9 +146,14 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
         if not 0 < wanted < inf:
             raise ValueError(f"--creep {wanted:g}: give a speed in m/s or rad/s, such as 1e-6")
         seconds = require_seconds("--longest", longest)
-        bare = find_bare_model(path)
-        if bare:
-            choose_joint_friction(bare, "start", wanted, output, seconds)
+        if bare := find_bare_model(path):
+            if not choose_joint_friction(bare, "start", wanted, output, seconds):
+                raise InputError(
+                    bare.file,
+                    "",
+                    "no joint creeps that its dry friction (frictionloss) would hold; for bodies "
+                    "on contacts give a case",
+                )
             return
         case = load_only_case(path)
         joints = not case.drive and not case.rod and solver in ("", NATIVE_ENGINE)
@@ -173,9 +178,8 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
             error_console.print("\n".join(lines), markup=False, highlight=False)
             raise typer.Exit(1)
         if output is None:
-            comment = "\n".join(fill(line, 92, subsequent_indent="  ") for line in lines)
+            print_comment(solver, lines)
             programs = engine_of(solver).programs
-            print(programs.write_comment(comment.replace("--", "-")))
             print(programs.write_snippet(best.setting.parameters, best.steps, case.model_path))
             return
         text = "\n".join(fill(line, 92) for line in lines)
@@ -196,12 +200,12 @@ def find_bare_model(path: Path) -> ModelSource | None:
 def choose_joint_friction(
     source: ModelSource, start: str, wanted: float, output: Path | None, seconds: float
 ) -> bool:
-    """Print the friction with which joints creep slowly enough; False if a case has none that do.
+    """Print the friction with which joints creep slowly enough; False if none creeps.
 
     Raises
     ------
     InputError
-        A model without a sidecar has no joint that its dry friction would hold, or its runs end.
+        The runs of the model end.
     ValueError
         A program is to be written.
     """
@@ -211,14 +215,7 @@ def choose_joint_friction(
         except (Crashed, OutOfMemory, TimedOut) as error:
             raise InputError(source.file, "", f"its runs: {error}") from None
     if not own.joints:
-        if source.file.with_suffix(".toml").exists():
-            return False
-        raise InputError(
-            source.file,
-            "",
-            "no joint creeps that its dry friction (frictionloss) would hold; for bodies on "
-            "contacts give a case",
-        )
+        return False
     if output:
         raise ValueError(f"-o {output}: joints creep, and their lines are printed; leave it out")
     good = [one for one in tried if one.fastest <= wanted]
@@ -231,13 +228,18 @@ def choose_joint_friction(
         error_console.print("\n".join(lines), markup=False, highlight=False)
         raise typer.Exit(1)
     lines += ["attributes for the elements of these names, in the model:"]
-    comment = "\n".join(fill(line, 92, subsequent_indent="  ") for line in lines)
-    print(engine_of(NATIVE_ENGINE).programs.write_comment(comment.replace("--", "-")))
+    print_comment(NATIVE_ENGINE, lines)
     for one in good:
         if one is not good[0]:
             print("<!-- or -->")
         print(*one.setting.lines(one.joints), sep="\n")
     return True
+
+
+def print_comment(solver: str, lines: list[str]) -> None:
+    """Print lines as a comment of what an engine reads."""
+    comment = "\n".join(fill(line, 92, subsequent_indent="  ") for line in lines)
+    print(engine_of(solver).programs.write_comment(comment.replace("--", "-")))
 
 
 def own_program(case: Case, setting: Setting, drive: Imposed, docstring: str) -> str:

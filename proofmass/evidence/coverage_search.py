@@ -420,22 +420,21 @@ class Search:
                 return self.try_other_solver(run, number, change, trial) or noticed_finding(
                     number, limit.factor * change, run, limit.channel
                 )
-            estimate = self.estimate_change(run, number, change, trial)
             if trial.ratio <= 1:
                 largest_unnoticed = max(largest_unnoticed, abs(change))
-            is_bounded = least is not None and largest_unnoticed > 0.0
-            if not is_bounded and (not estimate or (least is None and abs(estimate) > number.step)):
-                break  # the rate was only rounding
-            # twice the estimate: a change that should be noticed, and so bounds the search
-            following = math.copysign(min(2 * abs(estimate), number.step), estimate)
-            if least and largest_unnoticed:
+            if least is not None and largest_unnoticed > 0.0:
                 if abs(least[0]) < CLOSE_BOUNDS * largest_unnoticed:
                     break
                 # The change is between two bounds, but the rates missed it, since the error is
                 # quadratic, or has a threshold, as friction has that a solver's tolerance hides:
                 # the mean of the bounds' logarithms halves the search.
-                following = math.copysign(math.sqrt(largest_unnoticed * abs(least[0])), least[0])
-            change = following
+                change = math.copysign(math.sqrt(largest_unnoticed * abs(least[0])), least[0])
+                continue
+            estimate = self.estimate_change(run, number, change, trial)
+            if not estimate or (least is None and abs(estimate) > number.step):
+                break  # the rate was only rounding
+            # twice the estimate: a change that should be noticed, and so bounds the search
+            change = math.copysign(min(2 * abs(estimate), number.step), estimate)
         if least is None:
             return None
         change, trial = least

@@ -4,11 +4,9 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
-from proofmass.batch.check import Result, check
-from proofmass.case.case import Case
+from proofmass.batch.check import Result, check, is_checkable
 from proofmass.evidence.diagnosis import find_causes, shared_causes
 from proofmass.formats.terminal import failure_lines, three_digits, worst_comparison
-from proofmass.sim.model_source import is_model_object
 from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.judge import GIVEN_SOLVER, RUN, GivenCurves, judge, prepare
 from proofmass.verdict.outcome import GOOD_OUTCOMES, Outcome
@@ -58,7 +56,7 @@ def assert_agrees(
     judge: length is 1.1 m; with 1 m the curve agrees
     """
     __tracebackhide__ = True
-    if reference is None and is_checkable(given):
+    if reference is None and all_checkable(given):
         found = check(given, **{"detectable": False, **how})
         lines = [*lines_of_check(found), *lines_of_findings(found, fail_on)]
     elif reference is None:
@@ -70,11 +68,9 @@ def assert_agrees(
         raise AssertionError("\n".join(lines))
 
 
-def is_checkable(given: Any) -> bool:
+def all_checkable(given: Any) -> bool:
     """Whether something, or each of several things, is what `check` takes."""
-    if isinstance(given, list | tuple | set):
-        return all(map(is_checkable, given))
-    return isinstance(given, Path | str | Case) or is_model_object(given)
+    return all(map(is_checkable, given if isinstance(given, list | tuple | set) else [given]))
 
 
 def lines_of_check(result: Result) -> Iterator[str]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from itertools import groupby
 
 from proofmass.base.files import OUTPUT_MARK
-from proofmass.base.wording import number
+from proofmass.base.wording import format_mjcf_parts, number
 from proofmass.batch.check import Result
 from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import GOOD_OUTCOMES, Outcome
@@ -18,8 +18,6 @@ LONGEST = 60_000
 """Characters of a comment; GitHub accepts 65,536."""
 MARKUP = re.compile(r"([\\`*_{}\[\]<>#|~@])")
 """Characters with a meaning in Markdown, and the one that calls a person."""
-CODE = re.compile(r'(<\w[^>]*/>|\w+="[^"]*")')
-"""An element or an attribute of MJCF in a sentence."""
 SIGNS = {"fault": "❌", "warning": "⚠️", "note": "·"}
 
 
@@ -43,10 +41,10 @@ def plain(text: str) -> str:
     >>> plain('body <b> @all: damping="1"')
     'body \\<b\\> \\@all: `damping="1"`'
     """
-    parts = CODE.split(text)
-    return "".join(
-        f"`{part.replace('`', '')}`" if k % 2 else MARKUP.sub(r"\\\1", part)
-        for k, part in enumerate(parts)
+    return format_mjcf_parts(
+        text,
+        code=lambda part: f"`{part.replace('`', '')}`",
+        rest=lambda part: MARKUP.sub(r"\\\1", part),
     ).replace("\n", " ")
 
 
@@ -91,7 +89,7 @@ def describe_worst(rows: list[Comparison]) -> str:
     failed = next((c for c in rows if c.outcome != Outcome.DIFFERS), None)
     if failed is not None:
         return failed.message
-    worst = max(rows, key=lambda c: c.error_max / c.allowed if c.allowed else 0.0)
+    worst = max(rows, key=lambda c: c.share_of_allowed)
     allowed = f", where {number(worst.allowed)} {worst.unit} are allowed"
     return f"{worst.channel} is off by {number(worst.error_max)} {worst.unit}{allowed}"
 

@@ -7,7 +7,6 @@ which the model is largest.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -16,9 +15,9 @@ from proofmass.base.arrays import Array
 from proofmass.screen.finding import NamedElement
 from proofmass.screen.pins import find_pins
 from proofmass.screen.pose import RestPose
-from proofmass.screen.screen import start_key
-from proofmass.screen.short_run import run_from, start_of, steps_of_run
-from proofmass.sim.mjcf import collected_warnings, compile_model
+from proofmass.screen.short_run import run_from, start_key, start_of, steps_of_run
+from proofmass.sim.mjcf import collected_warnings
+from proofmass.sim.model_source import ModelSource
 from proofmass.sim.picture import Link, Picture, PictureScene
 from proofmass.sim.protocol.run import Run
 
@@ -58,13 +57,12 @@ class Paper:
         return f"M{words}{'Z' if len(points) > 2 else ''}"
 
 
-def draw_model(file: Path, elements: Sequence[NamedElement | None]) -> ModelDrawing:
+def draw_model(source: ModelSource, elements: Sequence[NamedElement | None]) -> ModelDrawing:
     """Draw a model with numbered marks at elements, where these have a place.
 
     Parameters
     ----------
-    file : Path
-        An MJCF.
+    source : ModelSource
     elements : sequence of NamedElement or None
         The number of a mark is its place in the list, from 1.
 
@@ -75,7 +73,7 @@ def draw_model(file: Path, elements: Sequence[NamedElement | None]) -> ModelDraw
     Unsupported
         It has no joint.
     """
-    model = compile_model(file)
+    model = source.read().model
     with collected_warnings():
         data = start_of(model, start_key(model))
         scene = PictureScene(model, data.qpos)
@@ -93,7 +91,7 @@ def draw_model(file: Path, elements: Sequence[NamedElement | None]) -> ModelDraw
     numbers = " The numbers are those of the list." if flat else ""
     return ModelDrawing(
         f'<svg class="model" viewBox="0 0 {PAPER_WIDTH:g} {PAPER_HEIGHT:g}" role="img" '
-        f'aria-label="{escape(file.name)} at its start">{svg}</svg>',
+        f'aria-label="{escape(source.file.name)} at its start">{svg}</svg>',
         f"The start, in {axes}{later_words}.{numbers}",
     )
 

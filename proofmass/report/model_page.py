@@ -5,7 +5,6 @@ its start with numbered marks at the findings, its modes, the steps that it bear
 its motion is known.
 """
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf, isfinite, isinf
@@ -16,10 +15,11 @@ from jinja2 import Environment
 from markupsafe import Markup, escape
 
 from proofmass.base.lines import LineIndex
-from proofmass.base.wording import number
+from proofmass.base.wording import format_mjcf_parts, number
 from proofmass.base.worker import call_isolated
-from proofmass.batch.check import Result
+from proofmass.batch.check import Result, folder_of
 from proofmass.report.page import case_facts, slug
+from proofmass.sim.model_source import BINARY_ENDING, ModelSource
 from proofmass.verdict.comparison import Comparison
 
 if TYPE_CHECKING:
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 DRAW_SECONDS = 60.0
 """Limit of the processor time of a drawing [s]; those of public models take up to 3 s."""
-ATTRIBUTE = re.compile(r'(<\w[^>]*/>|\w+="[^"]*")')
-"""An attribute or an element of MJCF in a sentence."""
 SHOWN_MODES = 12
 """Modes in the table; a robot has twice as many as coordinates."""
 BAR_OF_LIMIT = 75.0
@@ -40,8 +38,6 @@ STEP_WORDS = {
     "close": "close to the limit",
     "unstable": "above the limit: it blows up",
 }
-CLOSE_SHARE = 0.5
-"""Share of the largest stable step from which a step is close to it."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +72,8 @@ def model_pages(env: Environment, result: Result) -> Iterator[tuple[str, str]]:
     for comparison in result.comparisons:
         screen = result.screens.get(comparison.case)
         if not comparison.channel and comparison.case not in cases and screen and screen.file:
-            yield page_name(comparison.case), render_model(env, comparison, screen, screen.file)
+            source = ModelSource(screen.file, within=folder_of(screen.file, result.paths))
+            yield page_name(comparison.case), render_model(env, comparison, screen, source)
 
 
 def page_name(name: str) -> str:
@@ -88,12 +85,14 @@ def page_name(name: str) -> str:
     return f"{slug(name)}.html"
 
 
-def render_model(env: Environment, comparison: Comparison, screen: "Screen", file: Path) -> str:
+def render_model(
+    env: Environment, comparison: Comparison, screen: "Screen", source: ModelSource
+) -> str:
     """The page of a model."""
     from proofmass.formats.screen import describe_mobility, describe_model
 
-    lines = LineIndex()
-    drawing = draw_isolated(file, screen)
+    file, lines = source.file, LineIndex()
+    drawing = draw_isolated(source, screen)
     findings = [finding_line(finding, lines, file) for finding in screen.findings]
     worst = screen.findings[0] if screen.findings else None
     return env.get_template("model.html").render(
@@ -112,18 +111,20 @@ def render_model(env: Environment, comparison: Comparison, screen: "Screen", fil
         steps=list(step_lines(screen)),
         step_words=STEP_WORDS,
         about=screen.steps.about if screen.steps else (),
-        command=f"proofmass new {file.stem} --from {file.name}",
+        command=""
+        if file.suffix == BINARY_ENDING
+        else f"proofmass new {file.stem} --from {file.name}",
         facts=case_facts(file.parent),
     )
 
 
-def draw_isolated(file: Path, screen: "Screen") -> "ModelDrawing | None":
+def draw_isolated(source: ModelSource, screen: "Screen") -> "ModelDrawing | None":
     """Draw a model in a worker; None if that fails, since the page has all numbers without it."""
     from proofmass.report.model_drawing import draw_model
 
     elements = [finding.element for finding in screen.findings]
     try:
-        return call_isolated(draw_model, file, elements, timeout=DRAW_SECONDS)
+        return call_isolated(draw_model, source, elements, timeout=DRAW_SECONDS)
     except Exception:
         return None
 
@@ -142,11 +143,9 @@ def with_code(text: str) -> Markup:
     >>> with_code('damping="1" on <joint>')
     Markup('<code>damping=&#34;1&#34;</code> on &lt;joint&gt;')
     """
-    parts = ATTRIBUTE.split(text)
-    marked = (
-        f"<code>{escape(part)}</code>" if k % 2 else escape(part) for k, part in enumerate(parts)
+    return Markup(
+        format_mjcf_parts(text, code=lambda part: f"<code>{escape(part)}</code>", rest=escape)
     )
-    return Markup("".join(marked))
 
 
 def needed_lines(screen: "Screen") -> list[str]:
@@ -175,7 +174,7 @@ def mode_rows(screen: "Screen") -> Iterator[tuple[str, str, str, str]]:
 
 def step_lines(screen: "Screen") -> Iterator[StepLine]:
     """The largest stable step of each integrator, beside the model's own."""
-    from proofmass.screen.steps import format_seconds
+    from proofmass.screen.steps import CLOSE_RATIO, format_seconds
 
     steps = screen.steps
     if steps is None:
@@ -184,6 +183,6 @@ def step_lines(screen: "Screen") -> Iterator[StepLine]:
         own = integrator == steps.integrator
         limit = steps.limit if own else at_start
         share = steps.own / limit if isfinite(limit) else 0.0
-        state = "unstable" if share > 1.0 else "close" if share > CLOSE_SHARE else "stable"
+        state = "unstable" if share > 1.0 else "close" if share > CLOSE_RATIO else "stable"
         words = format_seconds(limit) if isfinite(limit) else "none up to 1 s"
         yield StepLine(integrator, own, words, share, state)

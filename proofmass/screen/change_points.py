@@ -61,7 +61,7 @@ def follow(pose: RestPose, side: float) -> Iterator[Passed]:
     model = pose.model
     slides = model.jnt_type[model.dof_jntid] == SLIDE
     scale = np.where(slides, model.stat.extent, 1.0)
-    there = RestPose(model, pose.qpos, pose.data.ctrl, pose.data.act)
+    there = pose.elsewhere(pose.qpos)
     last: Array | None = None
     for _ in range(POSES_OF_A_WAY):
         constraints = there.constraints

@@ -22,7 +22,7 @@ def judge_openings(pose: RestPose) -> Iterator[ModelFinding]:
     extent = pose.model.stat.extent
     constraints = pose.constraints
     for one in find_openings(pose.model, constraints.residuals, constraints.equalities):
-        element, opening, unit = equality_element(pose, one.equality), one.size, one.unit
+        element, opening, unit = equality_element(pose.model, one.equality), one.size, one.unit
         if opening > (TOLD_OPENING_SHARE * extent if unit == "m" else TOLD_OPENING_ANGLE):
             yield ModelFinding(
                 FindingKind.OPEN_LOOP,

@@ -8,7 +8,7 @@ import numpy as np
 
 from proofmass.base.wording import format_count, number
 from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
-from proofmass.screen.pose import RestPose
+from proofmass.screen.pose import RestPose, named_element
 
 BESIDE = 0.02
 """Distance of the poses beside the start in which the rank is taken as well [rad or m]."""
@@ -87,7 +87,7 @@ def find_mobility(pose: RestPose) -> Mobility:
         rank_beside=max(ranks_beside(pose), default=rank),
         least_value=float(values[rank - 1]) if rank else float("nan"),
         needed={
-            equality_element(pose, int(e)): (
+            equality_element(model, int(e)): (
                 int((constraints.equalities == e).sum()),
                 rank - constraints.without(int(e)).rank,
             )
@@ -108,8 +108,7 @@ def ranks_beside(pose: RestPose) -> list[int]:
     found = []
     for mix in np.random.default_rng(1).normal(size=(POSES_BESIDE, motions.shape[1])):
         velocity = motions @ mix
-        trial = RestPose(pose.model, pose.qpos, pose.data.ctrl, pose.data.act)
-        trial.qpos = trial.moved(BESIDE * velocity / np.abs(velocity).max())
+        trial = pose.elsewhere(pose.moved(BESIDE * velocity / np.abs(velocity).max()))
         left = trial.close()
         distance = np.abs(pose.change_to(trial.qpos)).max()
         if left < CLOSED_BESIDE and distance > LEAST_DISTANCE:
@@ -117,12 +116,12 @@ def ranks_beside(pose: RestPose) -> list[int]:
     return found
 
 
-def equality_element(pose: RestPose, equality: int) -> NamedElement:
+def equality_element(model: mujoco.MjModel, equality: int) -> NamedElement:
     """An equality as an MJCF element, with its name: a connect, a weld, an equality joint, ..."""
-    kind = mujoco.mjtEq(int(pose.model.eq_type[equality])).name.removeprefix("mjEQ_").lower()
+    kind = mujoco.mjtEq(int(model.eq_type[equality])).name.removeprefix("mjEQ_").lower()
     if kind not in ("connect", "weld"):
         kind = f"equality {kind}"
-    return NamedElement(kind, pose.element("equality", equality).name)
+    return NamedElement(kind, named_element(model, "equality", equality).name)
 
 
 def judge_mobility(pose: RestPose, found: Mobility) -> Iterator[ModelFinding]:

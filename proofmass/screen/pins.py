@@ -18,6 +18,7 @@ from proofmass.base.wording import number
 from proofmass.screen.finding import FindingKind, ModelFinding, Severity
 from proofmass.screen.mobility import CLOSURES, equality_element
 from proofmass.screen.pose import RestPose
+from proofmass.sim.contents import anchor_bodies
 
 OUTSIDE_SHARE = 0.05
 """Distance of a pin from every geom of a body, as a share of the body's size, that is told."""
@@ -88,7 +89,7 @@ def judge_pins(pose: RestPose) -> Iterator[ModelFinding]:
             for (other, b), (near, _) in gaps.items()
         ):
             continue
-        element, on = equality_element(pose, e), pose.element("body", body)
+        element, on = equality_element(pose.model, e), pose.element("body", body)
         # the author placed both sites himself, and a weld holds the same two bodies anywhere
         meant = pose.model.eq_objtype[e] == SITE or pose.model.eq_type[e] == CLOSURES[1]
         yield ModelFinding(
@@ -104,7 +105,7 @@ def judge_pins(pose: RestPose) -> Iterator[ModelFinding]:
 
 def propose_anchor(pose: RestPose, equality: int) -> str:
     """The anchor of a connect at which free ends of its two bodies coincide; empty without any."""
-    group, bodies = pose.model.body_weldid, joined_bodies(pose, equality)
+    group, bodies = pose.model.body_weldid, anchor_bodies(pose.model, equality)
     for one, other in coincident_ends(pose):
         if {one.body, other.body} != {int(group[body]) for body in bodies}:
             continue
@@ -115,15 +116,6 @@ def propose_anchor(pose: RestPose, equality: int) -> str:
         ends = f"{pose.element('body', one.body)} and {pose.element('body', other.body)}"
         return f'anchor="{written}", where free ends of {ends} coincide'
     return ""
-
-
-def joined_bodies(pose: RestPose, equality: int) -> tuple[int, int]:
-    """The two bodies of a connect or weld."""
-    model = pose.model
-    pair = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
-    if model.eq_objtype[equality] == SITE:
-        return int(model.site_bodyid[pair[0]]), int(model.site_bodyid[pair[1]])
-    return pair
 
 
 def gap_of(pose: RestPose, pin: LoopPin) -> tuple[float, float] | None:
@@ -180,7 +172,7 @@ class FreeEnd:
 def judge_free_ends(pose: RestPose) -> Iterator[ModelFinding]:
     """Ends of bars of two bodies that coincide, though nothing joins them."""
     group = pose.model.body_weldid
-    closed = (joined_bodies(pose, int(pin.equality)) for pin in find_pins(pose))
+    closed = (anchor_bodies(pose.model, int(pin.equality)) for pin in find_pins(pose))
     told = {frozenset(int(group[body]) for body in pair) for pair in closed}
     for one, other in coincident_ends(pose):
         pair = frozenset((one.body, other.body))

@@ -25,7 +25,7 @@ from proofmass.screen.pins import judge_free_ends, judge_pins
 from proofmass.screen.pose import RestPose
 from proofmass.screen.rest import find_rest
 from proofmass.screen.servos import judge_servos
-from proofmass.screen.short_run import run_as_it_is, start_of
+from proofmass.screen.short_run import run_as_it_is, start_key, start_of
 from proofmass.screen.soft_loops import judge_soft_loops, judge_stops
 from proofmass.screen.start_checks import judge_sensors, judge_start
 from proofmass.screen.steps import StableSteps, find_stable_steps, judge_steps
@@ -180,12 +180,6 @@ def screen_motion(
     findings += [STANDS_STILL] if stands else judge_sensors(model, data, later)
     ordered = sorted(findings, key=lambda finding: -finding.severity)
     return Screen(file, mobility, modes, steps, tuple(ordered))
-
-
-def start_key(model: mujoco.MjModel) -> int:
-    """The number of the key from which a model starts: ``start``, else the first; -1 if none."""
-    named = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, "start")
-    return named if named >= 0 else min(0, model.nkey - 1)
 
 
 def judge_modes(modes: tuple[VibrationMode, ...], data: mujoco.MjData) -> Iterator[ModelFinding]:

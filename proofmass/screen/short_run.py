@@ -46,6 +46,12 @@ def start_of(model: mujoco.MjModel, key: int) -> mujoco.MjData:
     return data
 
 
+def start_key(model: mujoco.MjModel, name: str = "start") -> int:
+    """The number of the key from which a model starts: that of a name, else the first, or -1."""
+    named = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, name)
+    return named if named >= 0 else min(0, model.nkey - 1)
+
+
 def with_step(model: mujoco.MjModel, step: float) -> mujoco.MjModel:
     """A copy of a model with another time step [s]."""
     changed = copy.copy(model)

@@ -17,6 +17,7 @@ from proofmass.screen.rest import loop_multipliers, state_at
 from proofmass.screen.servos import is_servo
 from proofmass.screen.short_run import start_of, steps_of_run
 from proofmass.sim.mjcf import failure_warning
+from proofmass.sim.openings import WELD, unit_of_coupling
 
 GIVEN_SHARE = 1e-3
 """Share of the model's extent by which a loop gives way that is told."""
@@ -63,7 +64,7 @@ def judge_soft_loops(
     seen = largest_opening(model, state, found.equality)
     if seen < SEEN_SHARE * found.opening:
         return
-    element = equality_element(motion.pose, found.equality)
+    element = equality_element(model, found.equality)
     where = "under the load of the start" if rest is None else "where the model comes to rest"
     yield ModelFinding(
         FindingKind.SOFT_LOOP,
@@ -78,10 +79,8 @@ def judge_soft_loops(
 
 def opening_unit(model: mujoco.MjModel, equality: int) -> str:
     """The unit in which an equality opens: m, rad, or both of a weld."""
-    kind = model.eq_type[equality]
-    if kind == mujoco.mjtEq.mjEQ_JOINT:
-        return coordinate_unit(model, int(model.jnt_dofadr[model.eq_obj1id[equality]]))
-    return "m or rad" if kind == mujoco.mjtEq.mjEQ_WELD else "m"
+    is_weld = int(model.eq_type[equality]) == WELD
+    return "m or rad" if is_weld else unit_of_coupling(model, equality)
 
 
 def soft_loops(pose: RestPose, loads: Array) -> Iterator[SoftLoop]:
@@ -109,7 +108,7 @@ def opening_under(push: float, solimp: Array) -> float:
     """
 
     def excess(opening: float) -> float:
-        d = min(max(impedance(solimp, opening), mujoco.mjMINIMP), mujoco.mjMAXIMP)
+        d = impedance(solimp, opening)
         return push * (1.0 - d) / d**2 - opening
 
     return float(brentq(excess, 0.0, excess(0.0) * (1.0 + 1e-9))) if excess(0.0) > 0.0 else 0.0
@@ -168,7 +167,8 @@ def stop_stiffness(model: mujoco.MjModel, joint: int, depth: float) -> float:
     """
     constant, ratio = (float(number) for number in model.jnt_solref[joint])
     constant = max(constant, 2.0 * model.opt.timestep)  # MuJoCo's refsafe
-    d, largest = impedance(model.jnt_solimp[joint], depth), float(model.jnt_solimp[joint][1])
+    solimp = model.jnt_solimp[joint]
+    d, largest = impedance(solimp, depth), within_bounds(float(solimp[1]))
     weight = float(model.dof_invweight0[model.jnt_dofadr[joint]])
     return d**2 / ((largest * constant * ratio) ** 2 * (1.0 - d) * weight)
 
@@ -177,15 +177,25 @@ def impedance(solimp: Array, depth: float) -> float:
     """MuJoCo's impedance at a depth [1], of the five numbers of `solimp`.
 
     It rises from the first to the second number within the width, as a power on both sides of the
-    midpoint.
+    midpoint.  Without a width it is their mean.
 
     >>> round(impedance(np.array([0.9, 0.95, 0.001, 0.5, 2.0]), 0.0005), 9)
     0.925
+    >>> round(impedance(np.array([0.9, 0.95, 0.0, 0.5, 2.0]), 0.0005), 9)
+    0.925
     """
-    low, high, width, middle, power = (float(number) for number in solimp)
+    low, high, middle = (within_bounds(float(solimp[k])) for k in (0, 1, 3))
+    width, power = float(solimp[2]), max(float(solimp[4]), 1.0)
+    if low == high or width <= mujoco.mjMINVAL:
+        return (low + high) / 2.0
     share = min(abs(depth) / width, 1.0)
     if share <= middle:
         rise = middle * (share / middle) ** power
     else:
         rise = 1.0 - (1.0 - middle) * ((1.0 - share) / (1.0 - middle)) ** power
     return low + (high - low) * rise
+
+
+def within_bounds(impedance: float) -> float:
+    """An impedance, or the place of its midpoint, within the bounds of MuJoCo [1]."""
+    return min(max(impedance, mujoco.mjMINIMP), mujoco.mjMAXIMP)

@@ -7,7 +7,9 @@ import numpy as np
 
 from proofmass.base.wording import format_count, format_list, number
 from proofmass.screen.finding import FindingKind, ModelFinding, NamedElement, Severity
+from proofmass.screen.mobility import CLOSURES
 from proofmass.screen.pose import HINGE, SLIDE, coordinate_unit, named_element
+from proofmass.sim.contents import anchor_bodies
 from proofmass.sim.dense import moment_arms, outputs_of
 
 OUTSIDE_RANGE = 1e-6
@@ -114,13 +116,8 @@ def judge_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Model
 
 def are_joined(model: mujoco.MjModel, first: int, second: int) -> bool:
     """Whether a connect or a weld joins two bodies."""
-    loops = np.isin(model.eq_type, (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD))
-    pairs = zip(model.eq_obj1id[loops], model.eq_obj2id[loops], strict=True)
-    sites = model.eq_objtype[loops] == mujoco.mjtObj.mjOBJ_SITE
-    return any(
-        {int(model.site_bodyid[e]) if site else int(e) for e in pair} == {first, second}
-        for pair, site in zip(pairs, sites, strict=True)
-    )
+    loops = np.flatnonzero(np.isin(model.eq_type, CLOSURES))
+    return any(set(anchor_bodies(model, int(e))) == {first, second} for e in loops)
 
 
 def separate(model: mujoco.MjModel, contact: "mujoco._structs.MjContact") -> str:
@@ -132,9 +129,9 @@ def separate(model: mujoco.MjModel, contact: "mujoco._structs.MjContact") -> str
     joined = are_joined(model, first, second)
     if not (carries or joined) or 0 in (first, second):
         return "start apart, or exclude neighbours from contact"
-    if not (model.body(first).name and model.body(second).name):
+    names = [model.body(body).name for body in (first, second)]
+    if not all(names):
         return "give both bodies names and leave their contacts out by an <exclude> in <contact>"
-    names = [named_element(model, "body", body).name for body in (first, second)]
     exclude = f'<exclude body1="{names[0]}" body2="{names[1]}"/> in <contact>'
     if joined and not carries:
         return f"{exclude}, since a loop joins them"

@@ -466,7 +466,7 @@ def anchors(model: mujoco.MjModel, i: int, pose: Mapping[str, Array]) -> tuple[A
 
 
 def anchor_bodies(model: mujoco.MjModel, i: int) -> tuple[int, int]:
-    """The bodies of the two points of ``connect`` number i."""
+    """The bodies that equality number i joins, a ``connect`` or a ``weld``."""
     pair = model.eq_obj1id[i], model.eq_obj2id[i]
     if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
         return int(model.site_bodyid[pair[0]]), int(model.site_bodyid[pair[1]])

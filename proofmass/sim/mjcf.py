@@ -254,6 +254,17 @@ def read_tree(path: Path) -> Element:
         ) from None
 
 
+def insert_includes(parent: Element, folder: Path) -> None:
+    """Replace ``<include>`` elements by the elements of the included files, in place."""
+    for place, child in reversed(list(enumerate(parent))):
+        if child.tag == "include":
+            there = read_tree(folder / child.get("file", ""))
+            insert_includes(there, folder)
+            parent[place : place + 1] = list(there)
+        else:
+            insert_includes(child, folder)
+
+
 def with_attributes(path: Path, changes: Mapping[str, Mapping[str, Any] | None]) -> str:
     """The text of an MJCF file with changed attributes of some elements.
 

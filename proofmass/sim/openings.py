@@ -57,7 +57,7 @@ def largest_opening_of(model: mujoco.MjModel, data: mujoco.MjData) -> Opening:
 
 def unit_of_coupling(model: mujoco.MjModel, equality: int) -> str:
     """The unit of the residual of an equality between joints or tendons, m or rad."""
-    on_joint = model.eq_objtype[equality] == mujoco.mjtObj.mjOBJ_JOINT
+    on_joint = model.eq_type[equality] == mujoco.mjtEq.mjEQ_JOINT
     joint = model.eq_obj1id[equality]
     hinge = on_joint and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
     return "rad" if hinge else "m"

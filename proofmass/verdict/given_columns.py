@@ -3,7 +3,6 @@
 Each is checked and has a unit; an error names it.
 """
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError, suggest_names
-from proofmass.base.recorded import find_wrap, is_number, read_table
+from proofmass.base.recorded import find_wrap, is_number, read_table, split_header
 from proofmass.base.units import same_quantity, si_unit, to_si
 from proofmass.sim.protocol.curves import Curves
 
@@ -21,8 +20,6 @@ GIVEN = Path("judge")
 """What messages name in place of a file."""
 X_NAMES = "time", "t"
 """Names of the column of x, if none is named."""
-HEADER = re.compile(r"\s*(.*?)\s*\[([^\[\]]*)\]\s*")
-"""A name of a column with its unit, as in CSV files: ``theta1 [deg]``."""
 ColumnSource: TypeAlias = "Curves | Mapping[str, Any] | Any"
 """`Curves`, a mapping of names to arrays, a data frame, or the path of a CSV file."""
 
@@ -54,8 +51,7 @@ def read_columns(
     arrays, index = named_arrays(curves)
     found: dict[str, GivenColumn] = {}
     for header, values in arrays.items():
-        split = HEADER.fullmatch(header)
-        name, unit = (split[1], split[2]) if split and header not in units else (header, "")
+        name, unit = (header, "") if header in units else split_header(header)
         found[name] = read_column(name, values, units.get(name) or unit or "1")
     if unknown := [name for name in units if name not in found]:
         raise missing_column(f"units.{unknown[0]}", unknown[0], found)
@@ -133,7 +129,9 @@ def read_column(name: str, values: Any, unit: str) -> GivenColumn:
         raise InputError(GIVEN, name, f"it has {found.size} values; give two or more")
     if (bad := np.flatnonzero(~np.isfinite(found))).size:
         raise InputError(GIVEN, name, f"value {bad[0]} is {found[bad[0]]}, no finite number")
-    if si_unit(unit)[0] == "rad" and (k := find_wrap(found, 2 * np.pi / si_unit(unit)[1])):
+    name_si, factor = si_unit(unit)
+    k = find_wrap(found, 2 * np.pi / factor) if name_si == "rad" else None
+    if k is not None:
         raise InputError(
             GIVEN,
             name,

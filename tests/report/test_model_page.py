@@ -4,6 +4,7 @@ import re
 from html import unescape
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -12,6 +13,7 @@ from proofmass.report import write_report
 from proofmass.report.model_drawing import draw_model
 from proofmass.screen.finding import NamedElement
 from proofmass.screen.screen import screen_model
+from proofmass.sim.model_source import ModelSource
 from proofmass.verdict.comparison import Comparison
 from tests.visit import PHONE, Visit
 
@@ -101,7 +103,7 @@ def marks_of(svg):
 
 def test_marks_lie_at_their_elements_in_the_scale_of_the_drawing():
     elements = [NamedElement("joint", name) for name in ("crank", "rocker", "coupler")]
-    marks = marks_of(draw_model(DATA / "threads" / "weld2729.xml", elements).svg)
+    marks = marks_of(draw_model(ModelSource(DATA / "threads" / "weld2729.xml"), elements).svg)
     # a square of 1 m and 2 m: the coupler's joint is above the crank's, the rocker's beside it
     up, along = marks["3"] - marks["1"], marks["2"] - marks["1"]
     assert up[0] == pytest.approx(0.0, abs=0.2)
@@ -109,14 +111,29 @@ def test_marks_lie_at_their_elements_in_the_scale_of_the_drawing():
     assert along[0] == pytest.approx(-2.0 * up[1], abs=0.3)
 
 
+def test_a_model_is_drawn_in_whatever_form_it_is_read(tmp_path):
+    robot = tmp_path / "arm.urdf"
+    robot.write_text("""<robot name="arm"><link name="base"/><link name="tip"><inertial>
+      <mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+      <collision><geometry><mesh filename="package://x/none.stl"/></geometry></collision></link>
+      <joint name="j" type="continuous"><parent link="base"/><child link="tip"/>
+      <axis xyz="0 1 0"/></joint></robot>""")
+    compiled = tmp_path / "pd954.mjb"
+    model = mujoco.MjModel.from_xml_path(str(MODELS["pd954"]))
+    mujoco.mj_saveModel(model, str(compiled), None)
+    assert draw_model(ModelSource(robot), []).svg.startswith("<svg")
+    drawn = draw_model(ModelSource(MODELS["pd954"]), [])
+    assert draw_model(ModelSource(compiled), []).svg == drawn.svg.replace(".xml", ".mjb")
+
+
 def test_marks_at_one_place_are_one_mark():
     twice = [NamedElement("connect", "loop"), None, NamedElement("connect", "loop")]
-    assert list(marks_of(draw_model(MODELS["rods/jansen"], twice).svg)) == ["1 3"]
+    assert list(marks_of(draw_model(ModelSource(MODELS["rods/jansen"]), twice).svg)) == ["1 3"]
 
 
 def test_an_element_without_a_place_has_no_mark():
     elements = [NamedElement("sensor", "a"), NamedElement("joint", "none"), None]
-    assert not marks_of(draw_model(MODELS["pd954"], elements).svg)
+    assert not marks_of(draw_model(ModelSource(MODELS["pd954"]), elements).svg)
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

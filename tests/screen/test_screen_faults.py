@@ -9,6 +9,7 @@ import pytest
 from proofmass.screen.finding import FindingKind, Severity
 from proofmass.screen.pose import coordinate_unit
 from proofmass.screen.screen import screen_model
+from proofmass.screen.soft_loops import impedance
 
 CASES = Path(__file__).parents[1] / "data" / "screen"
 # a four-bar that is closed in its key, with a servo, and a slide beside it
@@ -333,3 +334,32 @@ def test_an_equality_of_joints_is_not_taken_for_a_joint(tmp_path):
     (found,) = (one for one in screen.findings if one.kind is FindingKind.SOFT_LOOP)
     assert found.element.tag == "joint"
     assert found.text.startswith("equality joint 0 gives way by ")
+
+
+@pytest.mark.parametrize(
+    "solimp",
+    ["0.9 0.95 0.001 0.5 2", "0.9 0.95 0", "0.9 0.95 0.001 0 2", "1 1 0.001", "0 0.9 0.1 1 6"],
+)
+@pytest.mark.parametrize("depth", [1e-4, 6e-4, 0.02])
+def test_the_impedance_is_that_of_mujoco(solimp, depth):
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody><body><joint name="a"
+      type="slide"/><geom size=".1"/></body></worldbody><equality><joint joint1="a"
+      polycoef="{depth} 0 0 0 0" solimp="{solimp}"/></equality></mujoco>""")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert impedance(model.eq_solimp[0], depth) == pytest.approx(
+        np.ravel(data.efc_KBIP)[2], abs=1e-12
+    )
+
+
+def test_an_equality_of_hinges_opens_by_an_angle(tmp_path):
+    file = tmp_path / "model.xml"
+    file.write_text("""<mujoco><worldbody><body><joint name="a"/><geom size=".1"/></body>
+      <body pos="1 0 0"><joint name="b"/><geom size=".1"/></body></worldbody><equality>
+      <joint joint1="a" joint2="b" polycoef="0.3 1 0 0 0"/></equality></mujoco>""")
+    (found,) = (
+        one
+        for one in screen_model(file).findings
+        if one.kind is FindingKind.OPEN_LOOP and one.value == pytest.approx(0.3)
+    )
+    assert "is open by 0.3 rad at the start" in found.text

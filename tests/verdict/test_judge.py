@@ -113,6 +113,11 @@ def test_a_wrapped_angle_is_refused():
     )
 
 
+def test_an_angle_that_is_wrapped_after_its_first_value_is_refused():
+    wrapped = np.r_[359.5, np.degrees(5.0 * TIME)[1:] % 360.0]
+    assert "it jumps from 359.5 to " in message({**COLUMNS, "theta [deg]": wrapped}, drive="theta")
+
+
 def test_a_column_may_equal_a_quantity_of_another_name():
     columns = {"t": TIME, "theta": ANGLE, "b": 90 - np.degrees(TRUE["rocker_angle"])}
     table = {"equals": "rocker_angle", "scale": -1, "shift": 90, "unit": "deg"}

@@ -25,7 +25,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import CannotAssemble, CannotMove, SingularHere
+from proofmass.analytic.numerics import (
+    CannotAssemble,
+    CannotMove,
+    SingularHere,
+    interpolate_cubic,
+)
 from proofmass.analytic.planar.kinematics import (
     CLOSING_TOLERANCE,
     Drives,
@@ -451,15 +456,3 @@ class Branch:
         """Format the names of the driven joints with their values."""
         names = [self.m.joints[j].name for j in self.d.driven]
         return ", ".join(f"{n} = {v:.9g}" for n, v in zip(names, inputs, strict=True))
-
-
-def interpolate_cubic(
-    share: Array, begin: Array, end: Array, slope: Array, end_slope: Array
-) -> Array:
-    """Cubic Hermite interpolation between values; slopes are derivatives by `share`."""
-    s, rest = share, 1.0 - share
-    return np.asarray(
-        rest**2 * (1 + 2 * s) * begin
-        + s**2 * (1 + 2 * rest) * end
-        + s * rest * (rest * slope - s * end_slope)
-    )

@@ -171,8 +171,7 @@ class TangentChart:
         force = force[0] + self.friction - matrix @ gamma
         z_acceleration = np.linalg.solve(into.T @ matrix @ into, into.T @ force)
         a = into @ z_acceleration + gamma
-        if self.phase.held:  # joints at rest are exact, not up to the rounding of loops
-            q, v, a = self.phase.fix(q.copy(), v, a)
+        q, v, a = self.phase.fix(q, v, a)
         return q, v, a, z_acceleration
 
     def state(self, v: Array) -> Array:

@@ -504,7 +504,7 @@ def refuse_limits(tree: Tree, q: Array) -> None:
     """Raise ValueError if a joint of a driven motion leaves its range."""
     for joint in tree.joints:
         if joint.is_scalar:
-            refuse_limit(joint.name, joint.range, q[:, joint.pose])
+            refuse_limit(joint.name, joint.stop_range, q[:, joint.pose])
 
 
 def quantities(tree: Tree, followed: SolvedMotion) -> dict[str, Array]:

@@ -6,7 +6,7 @@ place where it does.
 
 import numpy as np
 
-from proofmass.analytic.numerics import NotCovered
+from proofmass.analytic.numerics import NotCovered, interpolate_cubic
 from proofmass.analytic.spatial.kinematics import TreeMotion
 from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.spatial.terms import tendon_length
@@ -67,11 +67,7 @@ def refuse_tendon_ends(
 def between_samples(times: Array, values: Array, rates: Array) -> tuple[Array, Array]:
     """Values at the samples and at `PLACES_BETWEEN` them, by cubic polynomials, and their times."""
     step, s = np.diff(times)[:, None], PLACES_BETWEEN
-    start, end = values[:-1, None], values[1:, None]
-    inside = (
-        (1 + 2 * s) * (1 - s) ** 2 * start
-        + s**2 * (3 - 2 * s) * end
-        + step * (s * (1 - s) ** 2 * rates[:-1, None] - s**2 * (1 - s) * rates[1:, None])
-    )
+    slope, end_slope = step * rates[:-1, None], step * rates[1:, None]
+    inside = interpolate_cubic(s, values[:-1, None], values[1:, None], slope, end_slope)
     at = times[:-1, None] + step * s
     return np.concatenate([values[:1], inside.ravel()]), np.concatenate([times[:1], at.ravel()])

@@ -198,7 +198,7 @@ class ConstrainedTree:
             gap = np.abs(terms.gap).max()
             if gap < VIOLATION_TOLERANCE * max(1.0, self.tree.extent):
                 v = v - inverse @ (terms.jacobian @ v - self.row_rates(t))
-                return self.phase.fix(q.copy(), v, np.zeros_like(v))[:2]
+                return self.phase.fix(q, v, np.zeros_like(v))[:2]
             q = advance_pose(self.tree, q, -inverse @ terms.gap)
         raise CannotAssemble(f"the equalities stay open by {gap:.3g}")
 
@@ -372,7 +372,7 @@ class FreeTree:
     def state(self, phase: Phase, t: float, q: Array, v: Array) -> State:
         """Add the accelerations to a pose and its rates."""
         a = self.constrained_tree(phase).acceleration(t, q, v)
-        return phase.fix(q.copy(), v.copy(), a) if phase.held else (q, v, a)
+        return phase.fix(q, v, a)
 
     def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
         """Constraints of equalities and drives in a state, and the force they and stops exert."""
@@ -419,7 +419,7 @@ def states_in_step(
         y = last[1] if time == last[0] else dense_output()(time)
         q, v = holder.close(time, y[:size], y[size:])
         a = holder.acceleration(time, q, v)
-        return holder.phase.fix(q.copy(), v.copy(), a) if holder.phase.held else (q, v, a)
+        return holder.phase.fix(q, v, a)
 
     return at
 

@@ -3,13 +3,13 @@
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
-from proofmass.sim.mjcf import read_tree
+from proofmass.sim.mjcf import insert_includes, read_tree
 
 
 def flat_tree(model: Path) -> Element:
     """The elements of a model with those of included files, and its folders as absolute paths."""
     tree = read_tree(model)
-    include_files(tree, model.parent.absolute())
+    insert_includes(tree, model.parent.absolute())
     given = {k: v for one in tree.iter("compiler") for k, v in one.attrib.items()}
     for one in tree.iter("compiler"):
         for key in ("assetdir", "meshdir", "texturedir"):
@@ -20,14 +20,3 @@ def flat_tree(model: Path) -> Element:
     }
     SubElement(tree, "compiler", folders)
     return tree
-
-
-def include_files(element: Element, folder: Path) -> None:
-    """Replace each ``<include>`` below an element by the elements of the file, in this place."""
-    for k, child in reversed(list(enumerate(element))):
-        if child.tag != "include":
-            include_files(child, folder)
-            continue
-        included = read_tree(folder / child.get("file", ""))
-        include_files(included, folder)
-        element[k : k + 1] = list(included)

@@ -22,7 +22,7 @@ from proofmass.analytic.planar.kinematics import count_dof, nearest_pose
 from proofmass.analytic.planar.support import SUPPORT
 from proofmass.analytic.support import RunKind, refuse, refuse_contacts
 from proofmass.base.errors import InputError
-from proofmass.base.units import MOTION_UNITS
+from proofmass.base.units import MOTION_UNITS, POSITION_UNITS
 from proofmass.base.wording import number
 from proofmass.batch.work import OWN_MODEL_SAMPLES
 from proofmass.commands.proposal.joint_range import (
@@ -236,7 +236,7 @@ def may_be_driven(model: MjModel, look: ModelSummary, mechanism: Mechanism) -> b
 
 def measures_motion_only(model: MjModel, start: str) -> bool:
     """Whether all sensors measure positions, orientations, velocities or accelerations."""
-    kinematic = {unit for units in MOTION_UNITS.values() for unit in units} | {"m", "rad", "1"}
+    kinematic = set(POSITION_UNITS).union(*MOTION_UNITS.values())
     return all(
         channel_unit(model, name) in kinematic
         for names in channel_names(model, start).values()

@@ -38,7 +38,8 @@ from proofmass.screen.steps import (
     format_seconds,
 )
 from proofmass.sim.engines import NATIVE_ENGINE
-from proofmass.verdict.comparison import Comparison
+from proofmass.sim.protocol.curves import Curves
+from proofmass.verdict.comparison import Comparison, Comparisons
 from proofmass.verdict.outcome import FAILED_OUTCOMES, Outcome
 
 COMPARE_ERRORS_ONLY = partial(compare_and_share, detectable=False)
@@ -181,11 +182,15 @@ def measure(
     tolerances: tuple[Tolerance, ...] = (),
 ) -> MeasuredRun:
     """Make a run of a solver, propose its tolerances if none are given, and try mutants."""
-    found, _ = run_solver(case, kind, solver, COMPARE_ERRORS_ONLY)
-    if not proposal.look.is_determined and found[0].outcome not in FAILED_OUTCOMES:
-        tolerances = tolerances or tuple(measured_tolerances(kind, (solver,), found))
+    judged = not proposal.look.is_determined
+    is_measured = judged and not tolerances
+    if judged and tolerances:
         case = case.model_copy(update={"tolerance": tolerances})
-        found, _ = run_solver(case, kind, solver, COMPARE_ERRORS_ONLY)
+    compare = compare_as_measured if is_measured else COMPARE_ERRORS_ONLY
+    found, _ = run_solver(case, kind, solver, compare)
+    if is_measured and found[0].outcome not in FAILED_OUTCOMES:
+        tolerances = tuple(measured_tolerances(kind, (solver,), found))
+        case = case.model_copy(update={"tolerance": tolerances})
     agreeing = [
         c.channel
         for c in found
@@ -195,6 +200,13 @@ def measure(
     if not agreeing or (proposal.look.is_determined and run.differs):  # it can fail, as it does
         return run
     return replace(run, trial=try_in_worker(proposal, case, kind, solver, agreeing))
+
+
+def compare_as_measured(case: Case, kind: Kind, solver: str, curves: Curves) -> Comparisons:
+    """Compare with the tolerances that the errors propose; called in the worker of the run."""
+    found = list(COMPARE_ERRORS_ONLY(case, kind, solver, curves))
+    own = tuple(measured_tolerances(kind, (solver,), found))
+    return COMPARE_ERRORS_ONLY(case.model_copy(update={"tolerance": own}), kind, solver, curves)
 
 
 def try_in_worker(

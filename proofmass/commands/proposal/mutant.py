@@ -29,7 +29,6 @@ from proofmass.reference.run_reference import shared_reference
 from proofmass.run.solve import solve_here
 from proofmass.sim.contents import SCALAR_JOINT_UNITS
 from proofmass.sim.elements import NotWritten, Number, Place, Source
-from proofmass.sim.mjcf import DISABLE_BITS
 from proofmass.sim.numbers import element_name
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.verdict.compare import compare
@@ -219,7 +218,7 @@ def importance(case: Case, number: Number, moving: Collection[int]) -> tuple[boo
 def gravity_mutants(case: Case, tree: Element, folder: Path) -> Iterator[Mutant]:
     """The model with larger gravity; a later ``<option>`` of a file replaces an earlier one."""
     option = compiled_model(case).opt
-    if not option.gravity.any() or option.disableflags & int(DISABLE_BITS.mjDSBL_GRAVITY):
+    if not option.gravity.any():
         return
     for share in MUTANT_SHARES:
         gravity = " ".join(repr(float(part)) for part in (1.0 + share) * option.gravity)

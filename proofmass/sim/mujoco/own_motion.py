@@ -365,8 +365,8 @@ def solve_in_several_ways(
 
     limit = {way: share * seconds for way, share in TIME_SHARES.items()}
 
-    beside = disturb_start(model, data, POSE_DISTURBANCE, inputs.dofs)
-    moving = disturb_start(model, data, POSE_DISTURBANCE, inputs.dofs, rates=True)
+    beside = disturb_start(model, data, inputs.dofs)
+    moving = disturb_start(model, data, inputs.dofs, rates=True)
 
     def halved(k: int, n: int) -> OwnRun:
         return stepped(format_integrator(own, step / 2**k), 2**k, limit["steps"], n)
@@ -417,21 +417,23 @@ def solve_in_several_ways(
         failed=as_given if begin else None,
     )
 
+    evaluations = {
+        integrator: StepWork(copy_with_changes(model, step, integrator)).evaluations
+        for integrator in TRIED_INTEGRATORS
+        if integrator != own
+    }
+
     def way(integrator: mujoco.mjtIntegrator, finer: int) -> UntriedWay:
         parts = 2 ** (begin + finer)
-        changed = copy_with_changes(model, step / parts, integrator)
 
         def solve(seconds: float) -> OwnRun:
             name = format_integrator(integrator, step / parts)
             return stepped(name, parts, seconds, n, integrator=integrator)
 
-        return UntriedWay(StepWork(changed).evaluations * parts / step, solve, limit["others"])
+        return UntriedWay(evaluations[integrator] * parts / step, solve, limit["others"])
 
     untried = [
-        way(integrator, finer)
-        for finer in range(MAX_HALVINGS + 1)
-        for integrator in TRIED_INTEGRATORS
-        if integrator != own
+        way(integrator, finer) for finer in range(MAX_HALVINGS + 1) for integrator in evaluations
     ]
     return replace(motion, others=choose(motion, untried))
 
@@ -492,16 +494,15 @@ def copy_with_changes(
 def disturb_start(
     model: mujoco.MjModel,
     data: mujoco.MjData,
-    size: float,
     driven: NDArray[np.int32],
     rates: bool = False,
 ) -> mujoco.MjData:
-    """A copy of the start with each undriven coordinate moved by a random share of `size`.
+    """A copy of the start with each undriven coordinate moved by a random share of 1e-9.
 
     With `rates` each speed differs by the same number, per second.
     """
     start = copy.copy(data)
-    if size and model.nv:
+    if model.nv:
         shares = np.random.default_rng(20).uniform(-1.0, 1.0, model.nv)
         slides = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE))
         for joint in np.flatnonzero(slides):
@@ -509,9 +510,9 @@ def disturb_start(
             last = first + (3 if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE else 1)
             shares[first:last] *= model.stat.extent
         shares[driven] = 0.0
-        mujoco.mj_integratePos(model, start.qpos, shares, size)
+        mujoco.mj_integratePos(model, start.qpos, shares, POSE_DISTURBANCE)
         if rates:
-            start.qvel[:] += size * shares
+            start.qvel[:] += POSE_DISTURBANCE * shares
     return start
 
 

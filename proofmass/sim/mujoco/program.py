@@ -20,7 +20,7 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.sim.contents import control_indices, joint_of
-from proofmass.sim.mjcf import collected_warnings, read_spec, read_tree
+from proofmass.sim.mjcf import collected_warnings, insert_includes, read_spec, read_tree
 from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, initialize_dynamics
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, is_acceleration, load
@@ -254,17 +254,6 @@ def embed_files(root: Element) -> dict[str, list[str]]:
             element.set("name", Path(file).stem)
         element.set("file", names[file])
     return {json.dumps(name, ensure_ascii=False): lines for name, lines in found.items()}
-
-
-def insert_includes(parent: Element, folder: Path) -> None:
-    """Replace ``<include>`` elements by the elements of the included files, in place."""
-    for place, child in reversed(list(enumerate(parent))):
-        if child.tag == "include":
-            there = read_tree(folder / child.get("file", ""))
-            insert_includes(there, folder)
-            parent[place : place + 1] = list(there)
-        else:
-            insert_includes(child, folder)
 
 
 def model_text(root: Element) -> str:

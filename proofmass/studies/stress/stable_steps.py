@@ -12,8 +12,9 @@ without a sidecar has these limits as well.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from math import inf
+from pathlib import Path
 
 import mujoco
 
@@ -22,7 +23,8 @@ from proofmass.base.read_once import read_once
 from proofmass.base.wording import number
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.reference.case_model import compiled_model
-from proofmass.screen.short_run import breaks, steps_of_run, with_step
+from proofmass.screen import short_run
+from proofmass.screen.short_run import breaks, start_key, steps_of_run, with_step
 from proofmass.screen.stable_step import LONGEST_RATIO, LONGEST_STEP
 from proofmass.screen.steps import INTEGRATOR_NAMES, SAFE_SHARE, cures, find_own_stable_step
 from proofmass.sim.engines import NATIVE_ENGINE, engine_of
@@ -50,8 +52,6 @@ times; the second bounds the cost of a second in small steps."""
 FINEST_SHARE = 1e-5
 """Least step that is tried, over that of the model [1]."""
 INTEGRATORS = {name.lower(): integrator for integrator, name in INTEGRATOR_NAMES.items()}
-START = "start"
-"""Key from which a model without a sidecar starts, if it has it; else the first."""
 
 
 def search_stable_step(stressed: StressedCase) -> Iterator[LimitSearch]:
@@ -126,7 +126,7 @@ def search_bare_model(source: ModelSource, store: Store) -> list[LimitSearch]:
             f"it has {coordinates} coordinates; stable time steps are searched of models with 1 to "
             f"{MAX_COORDINATES}",
         )
-    return list(search_integrators(source.file.stem, source, START, own, store))
+    return list(search_integrators(source.file.stem, source, "start", own, store))
 
 
 def reach_of(own: float) -> float:
@@ -178,13 +178,12 @@ class SteppedModel:
         """The model with a time step [s] and the integrator, and the number of its key."""
         model = with_step(read_model(self.source), step)
         model.opt.integrator = INTEGRATORS[self.integrator.lower()]
-        key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, self.start)
-        return model, key if key >= 0 else min(0, model.nkey - 1)
+        return model, start_key(model, self.start)
 
     def try_step(self, step: float) -> TrialResult:
         """Whether bare MuJoCo is stable with a time step [s]; the result is stored."""
         known = self.start, self.integrator, step, package_versions(NATIVE_ENGINE)
-        name = repr((*known, model_key(self.source.file), digest_of_sources()))
+        name = repr((*known, model_key(self.source.file), digest_of_sources(), code_of_trials()))
         try:
             unstable = self.store.value(
                 f"{digest(name.encode())}.stable.json",
@@ -226,6 +225,12 @@ class SteppedModel:
             remedy = " or ".join(cures(model, key, found)) if found.ratio > 1.0 else ""
         law = f"first screen{about}: {mode.joint} breaks by {mode.cause}, {mode.rates}"
         return PredictedLimit(found.limit, law, remedy)
+
+
+@cache
+def code_of_trials() -> str:
+    """A digest of the code that decides whether a step is stable: results depend on it."""
+    return digest(b"".join(Path(str(file)).read_bytes() for file in (short_run.__file__, __file__)))
 
 
 @read_once(lambda source: model_key(source.file))

@@ -26,8 +26,8 @@ from proofmass.base.wording import format_list, number
 from proofmass.screen.creep import STIFF_IMPEDANCE, CreepingJoint, creeping_joints
 from proofmass.screen.finding import NamedElement
 from proofmass.screen.mobility import equality_element
-from proofmass.screen.pose import RestPose, coordinate_unit, named_element
-from proofmass.screen.short_run import start_of, steps_of_run
+from proofmass.screen.pose import coordinate_unit, named_element
+from proofmass.screen.short_run import start_key, start_of, steps_of_run
 from proofmass.sim.dense import constraint_rows
 from proofmass.sim.mjcf import collected_warnings, failure_warning
 from proofmass.sim.model_source import ModelSource
@@ -188,8 +188,7 @@ def find_in_model(
     A model without a key of that name starts from its first one, or from its initial pose.
     """
     model = source.read().model
-    key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, start)
-    return find_holding_friction(model, key if key >= 0 else min(0, model.nkey - 1), wanted)
+    return find_holding_friction(model, start_key(model, start), wanted)
 
 
 def find_holding_friction(
@@ -255,9 +254,8 @@ def loops_of(
     data, own = start_of(model, key), sorted({k for joint in joints for k in joint.coupled})
     rows = constraint_rows(model, data)[: data.ne, own]
     equalities = np.unique(np.array(data.efc_id[: data.ne])[np.abs(rows).any(axis=1)])
-    pose = RestPose(model, data.qpos, data.ctrl, data.act)
     return tuple(
-        HoldingLoop(int(e), equality_element(pose, int(e)), identify_equality(model, int(e)))
+        HoldingLoop(int(e), equality_element(model, int(e)), identify_equality(model, int(e)))
         for e in equalities
     )
 
@@ -266,7 +264,7 @@ def identify_equality(model: mujoco.MjModel, equality: int) -> str:
     """The attributes by which an equality is found: its name, or what it joins."""
     if name := model.equality(equality).name:
         return f'name="{name}"'
-    kind = mujoco.mjtEq(int(model.eq_type[equality])).name.removeprefix("mjEQ_").lower()
+    kind = equality_element(model, equality).tag
     if kind in ("connect", "weld"):
         kind = mujoco.mjtObj(int(model.eq_objtype[equality])).name.removeprefix("mjOBJ_").lower()
     ends = (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality]))

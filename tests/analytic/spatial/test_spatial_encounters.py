@@ -147,6 +147,24 @@ def test_a_mocap_body_stands_where_the_model_has_it(solve):
 
 
 @pytest.mark.parametrize("solve", [planar.solve, spatial.solve])
+def test_a_driven_motion_ends_at_the_margin_of_a_range(solve):
+    model = mujoco.MjModel.from_xml_string("""
+    <mujoco><option><flag contact="disable"/></option><worldbody>
+    <body><joint name="a" axis="0 1 0"/><geom size=".05" mass="1"/></body>
+    <body><joint name="b" axis="0 1 0" limited="true" range="-57.3 57.3" margin="0.3"/>
+    <geom size=".05" mass="1"/></body></worldbody>
+    <equality><joint joint1="b" joint2="a"/></equality>
+    <sensor><jointpos name="b" joint="b"/></sensor>
+    <keyframe><key name="start" qpos="0 0"/></keyframe></mujoco>""")
+    times = np.linspace(0.0, 1.0, 11)
+    one = np.ones(11)
+    followed = solve(0.6 * times, 0.6 * one, 0.0 * one, model=model, joints=("a",))["b"]
+    assert followed == pytest.approx(0.6 * times, abs=1e-12)
+    with pytest.raises(ValueError, match="'b' leaves its range"):
+        solve(0.9 * times, 0.9 * one, 0.0 * one, model=model, joints=("a",))
+
+
+@pytest.mark.parametrize("solve", [planar.solve, spatial.solve])
 def test_a_limit_with_a_margin_acts_at_the_margin(solve):
     text = """
     <mujoco><option timestep="1e-3"><flag contact="disable"/></option><worldbody><body>

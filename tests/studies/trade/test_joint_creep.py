@@ -15,6 +15,7 @@ from proofmass.studies.trade.joint_creep import (
     find_holding_friction,
     measure_joints,
 )
+from tests.shipped import shipped
 
 DATA = Path(__file__).parents[2] / "data"
 HOLD565 = DATA / "screen" / "hold565.xml"
@@ -114,6 +115,17 @@ def test_a_speed_that_no_setting_reaches_is_reported():
     answer = run_choose(HOLD565, "--creep", 1e-30)
     assert answer.exit_code == 1
     assert "noslip_iterations 200" in answer.output
+
+
+def test_a_case_without_joints_that_creep_is_one_whatever_its_model_is_called(tmp_path):
+    for name, called in (("case.toml", "block_stops.toml"), ("other.xml", "block_stops.xml")):
+        shutil.copy(shipped(called), tmp_path / name)
+    text = (tmp_path / "case.toml").read_text()
+    (tmp_path / "case.toml").write_text(f'model = "other.xml"\n{text}')
+    assert run_choose(tmp_path / "case.toml", "--creep", 1e-3).exit_code == 0
+    refused = run_choose(tmp_path / "other.xml", "--creep", 1e-3)
+    assert refused.exit_code == 2
+    assert "for bodies on contacts give a case" in refused.output
 
 
 def test_a_case_whose_joints_creep_is_asked_for_them(tmp_path):
