@@ -68,6 +68,8 @@ def test_sdf_and_others_get_advice(room):
         Path(f"robot{ending}").write_text("<x/>")
         answer = CliRunner().invoke(app, ["check", f"robot{ending}"])
         assert (answer.exit_code, answer.stderr) == (2, f"error: robot{ending}: {words}\n")
+    for ending, word in ((".sdf", "sdf2mjcf"), (".mjcf", "ends in .xml"), (".xacro", "xacro FILE")):
+        assert word in ADVICE[ending]
     assert "`sdf2mjcf`" in ROWS["an SDF"]
 
 

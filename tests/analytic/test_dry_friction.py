@@ -12,14 +12,13 @@ from scipy.optimize import linprog, lsq_linear
 from proofmass.analytic import planar, spatial
 from proofmass.analytic.contacts import restitution
 from proofmass.analytic.controls import ControlsInTime
-from proofmass.analytic.joints_at_rest import RestRows
+from proofmass.analytic.joints_at_rest import RestForces, RestRows
 from proofmass.analytic.motion_events import MotionWithEvents
 from proofmass.analytic.numerics import NotCovered, SingularHere
 from proofmass.analytic.planar.dynamics import free_motion
 from proofmass.analytic.planar.mechanism import read
 from proofmass.analytic.spatial.mechanism import read_tree
 from proofmass.analytic.spatial.motion import integrate_motion
-from proofmass.analytic.spatial.terms import OwnTerms
 from proofmass.sim.smooth import SmoothTerms
 from tests.analytic import friction_witness
 from tests.analytic.friction_witness import brent, chain_model, random_chain
@@ -47,10 +46,9 @@ def events_of(
     solver: str,
     model: mujoco.MjModel,
     times: np.ndarray,
-    terms: type = SmoothTerms,
     controls: dict | None = None,
 ) -> MotionWithEvents:
-    """A free motion with its events; that in space has the terms of MuJoCo or our own."""
+    """A free motion with its events; that in space has the terms of MuJoCo."""
     if solver == "planar":
         mechanism, plane = read(model, "start")
         changing = ControlsInTime.of(plane.data, mechanism.ctrl, controls)
@@ -58,9 +56,8 @@ def events_of(
         return free_motion(mechanism, times, stops=stops, controls=changing)
     tree = read_tree(model, "start")
     changing = ControlsInTime.of(tree.data, tree.ctrl, controls)
-    source = OwnTerms(tree) if terms is OwnTerms else terms(model)
     stops = tuple(spatial.stops_of_tree(tree))
-    return integrate_motion(tree, source, times, stops, changing).followed
+    return integrate_motion(tree, SmoothTerms(model), times, stops, changing).followed
 
 
 def event_times(motion: MotionWithEvents) -> np.ndarray:
@@ -121,16 +118,35 @@ def test_reserves_are_the_largest_and_the_motion_that_begins_proves_it(stops):
         )
         margins = np.where(rows.one_sided, shares, 1.0 - np.abs(shares))
         assert margins.min(initial=1.0) >= found.reserve - 1e-12
-        # another form, Farkas: no motion has more power of the needed force than friction takes
-        rubs = ~rows.one_sided
-        n, free = pushes.shape
-        takes = np.eye(n)[rubs]
-        sides = np.block([[pushes, -np.diag(1.0 * rubs)], [-pushes[rubs], -takes]])
-        cost = np.concatenate([-needed, 1.0 * rubs])
-        best = linprog(cost, sides, np.zeros(len(sides)), bounds=[(-1, 1)] * free + [(0, None)] * n)
-        assert (best.fun > -1e-9) == (found.reserve > -1e-9)
+        assert (missing_power(rows, needed, 0.0) > -1e-9) == (found.reserve > -1e-9)
+        assert missing_power(rows, needed, found.reserve) > -1e-9
+        if found.reserve < 0.999:
+            assert missing_power(rows, needed, found.reserve + 1e-3) < -1e-9
+            assert abs(power_of_beginning(rows, needed, found)) < 1e-9
         seen.add(bool(found.reserve > 0))
     assert seen == {False, True}
+
+
+def missing_power(rows: RestRows, needed: np.ndarray, reserve: float) -> float:
+    """By Farkas negative if a motion has more power of the force than rows with a reserve take."""
+    pushes, rubs = rows.motions * rows.bounds[:, None], ~rows.one_sided
+    n, free = pushes.shape
+    sides = np.block([[pushes, -np.diag(1.0 * rubs)], [-pushes[rubs], -np.eye(n)[rubs]]])
+    cost = np.concatenate([reserve * pushes[~rubs].sum(axis=0) - needed, (1.0 - reserve) * rubs])
+    limits = [(-1, 1)] * free + [(0, None)] * n
+    return linprog(cost, sides, np.zeros(len(sides)), bounds=limits).fun
+
+
+def power_of_beginning(rows: RestRows, needed: np.ndarray, found: RestForces) -> float:
+    """The least power that a motion with the signs of `begins` lacks: 0 if it can begin."""
+    pushes, moves = rows.motions * rows.bounds[:, None], found.begins != 0
+    takes = np.where(rows.one_sided, -found.reserve, (1.0 - found.reserve) * found.begins)
+    ahead, still = found.begins[moves, None] * pushes[moves], pushes[~moves]
+    balance, ends = np.vstack([still, found.begins @ pushes]), np.append(np.zeros(len(still)), 1.0)
+    best = linprog(
+        needed + takes @ pushes, -ahead, np.zeros(len(ahead)), balance, ends, (None, None)
+    )
+    return np.inf if best.fun is None else best.fun
 
 
 # --- closed forms

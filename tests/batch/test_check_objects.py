@@ -39,7 +39,7 @@ def unsolved(monkeypatch):
 
 
 def test_objects_and_files_are_checked_together(case, tmp_path, unsolved):
-    """Each has a name that no other has, and objects stay as they are."""
+    """Each has a name that no other has."""
     file = tmp_path / "arm.urdf"
     file.write_text(URDF)
     model = mujoco.MjModel.from_xml_string(PENDULUM.format(""))

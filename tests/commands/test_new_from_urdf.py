@@ -71,4 +71,5 @@ def test_other_formats_are_one_line(tmp_path, ending):
     answer = CliRunner().invoke(app, ["new", "arm", "--from", str(file)])
     assert answer.exit_code == 2
     assert answer.output == f"error: {file}: {ADVICE.get(ending, NO_TEXT)}\n"
+    assert ending != ".mjb" or "give the MJCF" in answer.output
     assert [one.name for one in tmp_path.iterdir()] == [file.name]

@@ -12,9 +12,9 @@ from proofmass.screen.linear import LinearMotion
 from proofmass.screen.pose import RestPose
 from proofmass.screen.screen import screen_model
 from proofmass.screen.stable_step import INTEGRATORS, StepMatrices
+from tests.shipped import shipped
 
 CASES = Path(__file__).parents[1] / "data" / "screen"
-MODELS = Path(__file__).parents[2] / "models"
 INERTIA, GAIN, RATE = 0.01, 100.0, 2.0
 HINGE = """
 <mujoco><option gravity="0 0 0" timestep="1e-3" integrator="{integrator}"/><worldbody><body>
@@ -233,8 +233,8 @@ def hanging(seed):
 
 def test_a_step_of_discrete_with_soft_loops_is_that_of_mujoco():
     # the rows are implicit too; the residual's effect on the impedance is left out, hence 1e-3
-    for name in ("linkages/fourbar", "spatial/universal_joint", "balancers/balancer_sine"):
-        model = mujoco.MjModel.from_xml_path(str(MODELS / f"{name}.xml"))
+    for name in ("fourbar", "universal_joint", "balancer_sine"):
+        model = mujoco.MjModel.from_xml_path(str(shipped(f"{name}.xml")))
         model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_DISCRETE, 2e-3
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         data = mujoco.MjData(model)

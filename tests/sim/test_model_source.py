@@ -70,7 +70,8 @@ def test_a_specification_keeps_its_assets_and_is_not_changed():
     """``to_xml`` would lose a mesh that is in memory only."""
     cube = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 1) for z in (0, 1))
     spec = mujoco.MjSpec.from_string(
-        '<mujoco><asset><mesh name="m" file="m.obj"/></asset><worldbody><body><freejoint/>'
+        '<mujoco><compiler fusestatic="true"/>'
+        '<asset><mesh name="m" file="m.obj"/></asset><worldbody><body><freejoint/>'
         '<geom type="mesh" mesh="m"/><body name="still"/></body></worldbody></mujoco>',
         assets={"m.obj": cube.encode()},
     )

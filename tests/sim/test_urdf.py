@@ -211,7 +211,7 @@ def test_a_mesh_outside_the_named_folder_is_not_opened(write, tmp_path):
         ("dae", b"<COLLADA/>", "MuJoCo does not read .dae"),
         ("stl", b"solid ascii", "stl_decoder"),
         ("stl", b"", "stl_decoder"),
-        ("obj", b"v nan", "no"),
+        ("obj", b"v nan", "vertex coordinate 0 is not finite"),
     ],
 )
 def test_an_unreadable_mesh_is_left_out_and_said(write, ending, content, why):

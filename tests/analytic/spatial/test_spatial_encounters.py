@@ -84,7 +84,7 @@ def test_the_range_of_a_tendon_acts_only_if_it_is_reached():
     free = motion_of(pendulum())["hinge"]
     slack = motion_of(pendulum(limited="true", length=f"{start + 1e-3}"))["hinge"]
     assert np.array_equal(slack, free)
-    shortest = f'range="0.{51} 9"'
+    shortest = 'range="0.51 9"'
     text = pendulum(limited="true").replace('range="0 9"', shortest)
     with pytest.raises(
         NotCovered, match="range of tendon 'rope', an end of which it reaches at t ="

@@ -12,12 +12,12 @@ from proofmass.sim.pymunk.own_space import record_space
 LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
 
 
-def make_pendulum(length=1.0):
+def make_pendulum():
     """A point-like mass on a pivot, released from the horizontal."""
     space = pymunk.Space()
     space.gravity = 0, -9.81
     bob = pymunk.Body(1.0, 1e-9)
-    bob.position = length, 0
+    bob.position = 1.0, 0
     pin = pymunk.PinJoint(space.static_body, bob, (0, 0), (0, 0))
     space.add(bob, pin)
     return space, bob

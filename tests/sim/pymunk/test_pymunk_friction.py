@@ -11,6 +11,7 @@ from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 from proofmass.sim.pymunk.engine import ENGINE, simulate
 from tests.analytic.friction_witness import chain_model, random_chain
 from tests.programs import program_curves
+from tests.shipped import shipped
 
 HEAD = """<mujoco><compiler angle="radian"/><option timestep="1e-3" gravity="0 -9.81 0">
   <flag contact="disable"/></option>"""
@@ -80,7 +81,7 @@ def test_friction_beside_a_drive_loads_the_drive(tmp_path):
 
     Where the drive leaves degrees of freedom, friction that may stick is not separated.
     """
-    text = Path("models/linkages/fourbar.xml").read_text(encoding="utf-8")
+    text = shipped("fourbar.xml").read_text(encoding="utf-8")
     text = text.replace('<joint name="crank"', '<joint name="crank" frictionloss="2"')
     text = text.replace('<joint name="rocker"', '<joint name="rocker" frictionloss="3"')
     assert text.count("frictionloss") == 2
@@ -94,7 +95,7 @@ def test_friction_beside_a_drive_loads_the_drive(tmp_path):
     known = planar.solve(*state, model=model, joints=("crank",), inertia=True)
     plain = planar.solve(
         *state,
-        model=mujoco.MjModel.from_xml_path("models/linkages/fourbar.xml"),
+        model=mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml"))),
         joints=("crank",),
         inertia=True,
     )

@@ -7,24 +7,18 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from proofmass.commands.cli import app
 from proofmass.studies.trade.joint_creep import (
     FrictionSetting,
     find_holding_friction,
     measure_joints,
 )
 from tests.shipped import shipped
+from tests.studies.trade.test_creep import run_choose
 
 DATA = Path(__file__).parents[2] / "data"
 HOLD565 = DATA / "screen" / "hold565.xml"
 SCREW = DATA / "threads" / "screw2430.xml"
-
-
-def run_choose(*args: object):
-    """The result of the command `choose` with these arguments."""
-    return CliRunner().invoke(app, ["choose", *map(str, args)])
 
 
 def creep_of(text: str) -> np.ndarray:
