@@ -16,15 +16,17 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from proofmass import check
+from proofmass import check, load_case, solve
 from proofmass.base.entry_points import all_entry_points, entry_points_of
+from proofmass.base.wording import number
 from proofmass.base.worker import close_idle_workers
 from proofmass.commands.cli import app
 from proofmass.report.style import solver_looks
 from proofmass.sim import engines
 from proofmass.sim.engines import engine_names, engine_of, format_solver
+from proofmass.studies.measure import relative_errors
 from proofmass.studies.record import read_table
-from proofmass.studies.store import package_versions
+from proofmass.studies.store import Store, package_versions
 from proofmass.studies.stress import problems
 from proofmass.studies.stress.boundary import read_boundaries
 from proofmass.studies.trade.trade import read_verdicts
@@ -256,7 +258,32 @@ def test_choose_finds_a_setting_of_an_engine_without_programs(site: Path, tmp_pa
         1,
     )
     assert "Bare has no programs" in " ".join(text.split())
-    assert "# settings of the sidecar: timestep = " in text
+
+
+def test_the_lines_that_choose_prints_are_the_setting_that_it_measured(
+    site: Path, tmp_path: Path
+) -> None:
+    """The setting has Chipmunk's defaults; with proofmass's choice the error is another one."""
+    file = write_sidecar(tmp_path, "bare")
+    words = "choose", file, "--error", 1e-3, "--store", tmp_path / "store", "--jobs", 1
+    text = invoke_command(*words)
+    with file.open("a") as sidecar:
+        sidecar.write(f"\n{text}")
+    case = load_case(file)
+    (settings,) = case.settings.values()
+    assert settings["defaults"] is True
+    measured = [
+        record["found"]["errors"]["position"]
+        for _, record in Store(tmp_path / "store" / "runs").records("twins", "dynamics")
+        if record["parameters"] == settings
+    ]
+    pasted = relative_errors(case, "dynamics", solve(case, "dynamics", "bare"))["position"]
+    assert measured == [pasted]
+    assert f"{number(pasted, 2)} off" in " ".join(text.replace("#", "").split())
+    without = {"bare": {key: settings[key] for key in settings if key != "defaults"}}
+    case = case.model_copy(update={"settings": without})
+    other = relative_errors(case, "dynamics", solve(case, "dynamics", "bare"))["position"]
+    assert other != pasted
 
 
 @pytest.mark.slow

@@ -36,7 +36,7 @@ from proofmass.studies.trade.choose import (
 from proofmass.studies.trade.creep import Creep, find_slow_setting
 from proofmass.studies.trade.disturbed import disturb_motions, end_at_horizon
 from proofmass.studies.trade.joint_creep import find_in_model
-from proofmass.studies.trade.program import drive_ways, program_text
+from proofmass.studies.trade.program import drive_ways, program_text, snippet
 from proofmass.studies.trade.search import (
     COST_RATIO,
     GIVEN_UP_RATIO,
@@ -179,8 +179,7 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
             raise typer.Exit(1)
         if output is None:
             print_comment(solver, lines)
-            programs = engine_of(solver).programs
-            print(programs.write_snippet(best.setting.parameters, best.steps, case.model_path))
+            print(snippet(best.setting, best.steps, case.model_path))
             return
         text = "\n".join(fill(line, 92) for line in lines)
         docstring = f"{text}\n\nMade by proofmass choose with {format_packages(solver)}."

@@ -123,8 +123,6 @@ def test_an_engine_without_a_description_varies_its_time_step_and_has_no_program
     assert bare.tuning.size("timestep", 0.5) == 0.5
     assert bare.tuning.at_step({"iterations": 3}, 0.1) == {"iterations": 3, "timestep": 0.1}
     assert bare.theory.schemes == () == tuple(bare.theory.limit_problems())
-    assert bare.programs.write_snippet({"timestep": 0.1}, 10) == (
-        "# settings of the sidecar: timestep = 0.1"
-    )
+    assert bare.programs.write_snippet({"timestep": 0.1}, 10) == ""  # a table of the sidecar
     with pytest.raises(Unsupported, match=r"^Bare has no programs$"):
         bare.programs.write_program(Path(), None, "", "", Imposed("gear"))  # type: ignore[arg-type]

@@ -39,7 +39,8 @@ def write_snippet(parameters: ParameterValues, model: Path | None = None) -> str
     </default>
     """
     sidecar_lines = (
-        f"<!-- {line} -->" for line in sidecar_instructions(parameters, tuple(SETTING_PLACES))
+        f"<!-- {line} -->"
+        for line in sidecar_instructions(parameters, (*SETTING_PLACES, "defaults"))
     )
     return "\n".join([*settings_as_mjcf(parameters, model), *sidecar_lines])
 

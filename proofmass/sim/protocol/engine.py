@@ -80,7 +80,7 @@ class Engine:
     theory : Theory
         Statements of theory; none, if not given.
     programs : Programs
-        Settings as text, and programs; lines for a sidecar and no program, if not given.
+        Settings as text, and programs; a table of a sidecar and no program, if not given.
     own_equations : OwnEquations
         Solutions of a model's own motion; `proofmass.sim.protocol.failures.Unsupported` is raised
         if the engine has none.

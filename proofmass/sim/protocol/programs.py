@@ -1,5 +1,7 @@
 """Programs that need an engine only, and settings as text to paste."""
 
+import json
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +11,7 @@ from typing import ClassVar
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.part import EnginePart
 from proofmass.sim.protocol.run import Run
-from proofmass.sim.protocol.settings import ParameterValues
+from proofmass.sim.protocol.settings import ParameterValue, ParameterValues
 
 
 @dataclass(frozen=True)
@@ -29,15 +31,45 @@ class Imposed:
     gain: float = 0.0
 
 
-def sidecar_instructions(parameters: ParameterValues, but: Sequence[str] = ()) -> Iterator[str]:
+def sidecar_instructions(parameters: ParameterValues, but: Sequence[str]) -> Iterator[str]:
     """Settings, except those named in `but`, as sentences that tell what the sidecar must state."""
-    for key in sorted(set(parameters) - {*but, "defaults"}):
+    for key in sorted(set(parameters) - set(but)):
         place = "every rod" if key == "segments" else "settings"
-        yield f"{place} of the sidecar: {key} = {parameters[key]!r}"
+        yield f"{place} of the sidecar: {key} = {toml_value(parameters[key])}"
+
+
+def sidecar_table(engine: str, parameters: ParameterValues) -> str:
+    """All settings of an engine as a table of the sidecar; the segments of rods as a comment.
+
+    >>> print(sidecar_table("pymunk", {"defaults": True, "timestep": 0.01, "segments": 8}))
+    # in the sidecar
+    # every rod of the sidecar: segments = 8
+    [settings.pymunk]
+    defaults = true
+    timestep = 0.01
+    """
+    own = {key: value for key, value in parameters.items() if key != "segments"}
+    rods = (f"# {line}" for line in sidecar_instructions(parameters, tuple(own)))
+    lines = (f"{toml_key(key)} = {toml_value(value)}" for key, value in own.items())
+    return "\n".join(["# in the sidecar", *rods, f"[settings.{toml_key(engine)}]", *lines])
+
+
+def toml_key(key: str) -> str:
+    """A key of TOML, in quotation marks where it needs them.
+
+    >>> toml_key("my-engine"), toml_key("my.engine")
+    ('my-engine', '"my.engine"')
+    """
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else toml_value(key)
+
+
+def toml_value(value: ParameterValue) -> str:
+    """A value in TOML, in which numbers, texts, truth values and lists are those of JSON."""
+    return json.dumps(value, ensure_ascii=False)
 
 
 class Programs(EnginePart):
-    """Settings as text to paste, and programs; by default lines for a sidecar, and no program.
+    """Settings as text to paste, and programs; by default a table of a sidecar, and no program.
 
     Attributes
     ----------
@@ -50,8 +82,12 @@ class Programs(EnginePart):
     def write_snippet(
         self, parameters: ParameterValues, steps: int, model: Path | None = None
     ) -> str:
-        """Text to paste so that the engine runs with these settings, for so many steps."""
-        return "\n".join(f"# {line}" for line in sidecar_instructions(parameters))
+        """Text to paste so that the engine runs with these settings, for so many steps.
+
+        It is empty if the engine has no form of its own for them, and a table of the sidecar is
+        written instead.
+        """
+        return ""
 
     def write_comment(self, text: str) -> str:
         """Text as a comment before a snippet."""

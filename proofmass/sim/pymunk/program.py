@@ -75,25 +75,14 @@ class PymunkPrograms(Programs):
     ) -> str:
         """Lines of Python that step a pymunk space with given settings; `model` is not used.
 
-        Settings that pymunk does not have are added as comments; the lines are comments only if the
-        time step, the iterations or the bias is missing.
+        Settings that pymunk does not have are added as comments.  There are no lines if the time
+        step, the iterations or the bias is missing.
         """
-        own = (
-            list(stepping_lines(parameters, steps))
-            if set(parameters) >= set(SPACE_SETTINGS)
-            else []
-        )
-        return "\n".join(
-            [
-                *own,
-                *(
-                    f"# {line}"
-                    for line in sidecar_instructions(
-                        parameters, (*SPACE_SETTINGS, *CONTACT_SETTINGS)
-                    )
-                ),
-            ]
-        )
+        if not set(parameters) >= set(SPACE_SETTINGS):
+            return ""
+        stated = *SPACE_SETTINGS, *CONTACT_SETTINGS, "defaults"
+        others = (f"# {line}" for line in sidecar_instructions(parameters, stated))
+        return "\n".join([*stepping_lines(parameters, steps), *others])
 
     def write_program(
         self,

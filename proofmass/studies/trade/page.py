@@ -4,7 +4,6 @@ In the diagram each setting is a marker and each convergence series a curve; eac
 a tab.  NaN and infinity are None in the data of a page.
 """
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -27,8 +26,8 @@ from proofmass.report.page import slug
 from proofmass.report.study import PageWriter, StudyPages, prepare_folder
 from proofmass.report.svg_markers import MARKER_PATHS, Tone, page_tones
 from proofmass.sim.engines import NoEngine, engine_of, format_solver
-from proofmass.sim.protocol.settings import ParameterValue
-from proofmass.studies.record import KIND_UNITS, NAN, Setting, StudyRow, read_table
+from proofmass.sim.protocol.programs import sidecar_table
+from proofmass.studies.record import KIND_UNITS, NAN, StudyRow, read_table
 from proofmass.studies.trade.choose import (
     ERROR_MARGIN,
     compare_with_defaults,
@@ -58,7 +57,6 @@ from proofmass.studies.trade.noise import (
     usual_spread,
 )
 from proofmass.studies.trade.orders import is_unexpected
-from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.trade import read_verdicts
 from proofmass.studies.trade.verdict import Verdict, comparable_settings, pareto_front
 from proofmass.studies.trade.words import format_floor, format_setting, format_setting_briefly
@@ -638,21 +636,13 @@ def text_to_paste(row: StudyRow) -> str:
     try:
         engine = engine_of(row.engine)
     except NoEngine:  # the table may come from a machine with other engines
-        return format_as_sidecar(row.engine, parameters)
+        return sidecar_table(row.engine, parameters)
     own = {}
     if parameters.get("defaults"):
         fields = engine.settings.model_fields
         own = {name: fields[name].default for name in engine.chooses if name in fields}
-    text = snippet(Setting(row.engine, {**own, **parameters}), row.steps)
-    return text or format_as_sidecar(row.engine, parameters)
-
-
-def format_as_sidecar(engine: str, parameters: dict[str, ParameterValue]) -> str:
-    """Settings as a TOML table of a sidecar."""
-    lines = [  # numbers, texts, truth values and lists are the same in JSON and TOML
-        f"{name} = {json.dumps(value)}" for name, value in parameters.items() if name != "segments"
-    ]
-    return "\n".join(["# in the sidecar", f"[settings.{engine}]", *lines])
+    text = engine.programs.write_snippet({**own, **parameters}, row.steps)
+    return text or sidecar_table(row.engine, parameters)
 
 
 def limit_records(

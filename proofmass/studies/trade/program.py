@@ -27,7 +27,7 @@ from proofmass.case.drive import motion_source
 from proofmass.case.profile import controls_source
 from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol.curves import Curves, drive_columns
-from proofmass.sim.protocol.programs import Imposed
+from proofmass.sim.protocol.programs import Imposed, sidecar_table
 from proofmass.sim.protocol.run import Run
 from proofmass.studies.bounded import call_limited
 from proofmass.studies.measure import StudyRun, pin_process, relative_errors, reserve_processor
@@ -52,9 +52,10 @@ def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
     Returns
     -------
     str
-        In the form of the engine, such as MJCF or Python.
+        In the form of the engine, such as MJCF or Python, or else a table of the sidecar.
     """
-    return engine_of(setting.engine).programs.write_snippet(setting.parameters, steps, model)
+    text = engine_of(setting.engine).programs.write_snippet(setting.parameters, steps, model)
+    return text or sidecar_table(setting.engine, setting.parameters)
 
 
 STEPS_LINE = re.compile(r"^(\d+) steps in (\S+) s", re.MULTILINE)

@@ -158,7 +158,7 @@ def test_a_setting_is_written_as_it_is_applied(
 def test_a_snippet_refers_settings_of_proofmass_to_the_sidecar(scene: Path) -> None:
     every: dict[str, ParameterValue] = {key: other_values(key)[0] for key in WRITTEN_SETTINGS}
     assert "sidecar" not in snippet(Setting("mujoco", every), 1, scene)
-    assert "settings of the sidecar: settled = True" in snippet(
+    assert "settings of the sidecar: settled = true" in snippet(
         Setting("mujoco", {**every, "settled": True}), 1, scene
     )
 

@@ -1,5 +1,6 @@
 """Choosing the cheapest good enough setting: its check, comparison with defaults, snippets."""
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf, nan
@@ -395,6 +396,14 @@ def test_the_snippet_says_that_segments_belong_in_the_sidecar() -> None:
         text = snippet(Setting(engine, {"segments": 40}), 1)
         assert "every rod of the sidecar: segments = 40" in text
         assert text.startswith(("#", "<!--"))
+
+
+def test_a_setting_for_which_an_engine_has_no_form_is_a_whole_table_of_the_sidecar() -> None:
+    """pymunk's lines need the iterations and the bias; every parameter is there, as TOML."""
+    parameters = {"defaults": True, "timestep": 5e-05, "word": 'a "b" ä', "pair": (0.02, 1.0)}
+    text = snippet(Setting("pymunk", {**parameters, "segments": 8}), 9)
+    assert "\n# every rod of the sidecar: segments = 8\n" in text
+    assert tomllib.loads(text) == {"settings": {"pymunk": {**parameters, "pair": [0.02, 1.0]}}}
 
 
 def test_a_shifted_start_of_a_free_motion_is_on_the_same_motion() -> None:
