@@ -7,6 +7,7 @@ another version of proofmass is installed, or none.
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from importlib.metadata import Distribution
     from pathlib import Path
 
@@ -55,27 +56,66 @@ def own_version() -> str:
 
 
 def digest_plugins(dist: "Distribution") -> str:
-    """A digest of the Python files of a distribution that provides engines or references.
+    """A digest of a distribution that provides engines or references: its files, and their names.
 
-    These are all that it installed and, for one that is installed where it is developed, all of the
-    packages in which its engines and references are.
+    The files are all that it installed beside its metadata, also data and compiled modules.  Of one
+    that is installed where it is developed they are those of its modules and packages there.
     """
     from pathlib import Path
 
     files = {str(one): Path(str(one.locate())) for one in dist.files or ()}
-    found = {name: file for name, file in files.items() if file.suffix == ".py" and file.is_file()}
+    for module in modules_of(dist):
+        files |= files_of(module, "*")
+    code = digest_files({name: file for name, file in files.items() if is_code(name, file)})
+    names = sorted(f"{one.group} {one.name} {one.value}" for one in dist.entry_points)
+    return digest_text(f"{code} {names}")
+
+
+def modules_of(dist: "Distribution") -> "Iterator[str]":
+    """The modules and packages of a distribution whose files its list may lack.
+
+    These are the modules of its engines and references, those that it names, and those in a folder
+    that it adds to Python's path.
+    """
+    from pathlib import Path
+
     for entry in dist.entry_points:
         if entry.group in PLUGIN_GROUPS:
-            found |= files_of(entry.module.partition(".")[0])
-    return digest_files(found)
+            yield entry.module.partition(".")[0]
+    yield from (dist.read_text("top_level.txt") or "").split()
+    for path in (Path(str(one.locate())) for one in dist.files or () if one.suffix == ".pth"):
+        text = path.read_text("utf-8", "replace") if path.is_file() else ""
+        for folder in map(Path, text.splitlines()):
+            if folder.is_absolute() and folder.is_dir():
+                yield from (one.stem for one in folder.glob("[!_]*.py"))
+                yield from (one.parent.name for one in folder.glob("*/__init__.py"))
 
 
-def files_of(module: str) -> "dict[str, Path]":
+def is_code(name: str, file: "Path") -> bool:
+    """Whether results may depend on a file of a distribution, and it is the same on each machine.
+
+    Metadata, scripts, and files that tell where a distribution is developed have folders of the
+    machine in them; bytecode follows from its source.
+
+    >>> from pathlib import Path
+    >>> is_code("a/table.csv", Path(__file__)), is_code("a-1.dist-info/RECORD", Path(__file__))
+    (True, False)
+    """
+    first = name.partition("/")[0]
+    return (
+        file.is_file()
+        and not first.endswith((".dist-info", ".egg-info", ".pth"))
+        and not first.startswith(("..", "__editable__"))
+        and file.suffix != ".pyc"
+    )
+
+
+def files_of(module: str, pattern: str = "*.py") -> "dict[str, Path]":
     """The Python files of a module or package, by their names below its folder."""
     from importlib.util import find_spec
     from pathlib import Path
 
-    spec = find_spec(module)
+    spec = find_spec(module) if module.isidentifier() else None
     if spec is None:
         return {}
     if not spec.submodule_search_locations:
@@ -83,7 +123,7 @@ def files_of(module: str) -> "dict[str, Path]":
     return {
         f"{module}/{file.relative_to(folder).as_posix()}": file
         for folder in spec.submodule_search_locations
-        for file in Path(folder).rglob("*.py")
+        for file in Path(folder).rglob(pattern)
     }
 
 
@@ -91,7 +131,15 @@ def digest_files(files: "dict[str, Path]") -> str:
     """The first eight digits of a digest of files and of their names."""
     from hashlib import sha256
 
-    total = sha256()
-    for name in sorted(files):
-        total.update(f"{name} {sha256(files[name].read_bytes()).hexdigest()}\n".encode())
-    return total.hexdigest()[:8]
+    return digest_text(
+        "".join(
+            f"{name} {sha256(files[name].read_bytes()).hexdigest()}\n" for name in sorted(files)
+        )
+    )
+
+
+def digest_text(text: str) -> str:
+    """The first eight digits of a digest of a text."""
+    from hashlib import sha256
+
+    return sha256(text.encode()).hexdigest()[:8]
