@@ -52,11 +52,12 @@ def digest_recorded_files(case: Case) -> str:
 def package_versions(engine: str) -> dict[str, str]:
     """Versions of the packages that compute a result, and a digest of an engine from elsewhere."""
     brought = foreign_distribution(ENGINE_GROUP, engine)
-    names = [*engine_of(engine).packages, "mujoco", "numpy", "scipy", *filter(None, [brought])]
+    names = ["mujoco", "numpy", "scipy", *filter(None, [brought])]
     code = {"adapter": digest_plugins(distribution(brought))} if brought else {}
     return {
         "proofmass": own_version(),
         **{name: version(name) for name in names},
+        **engine_of(engine).versions(),
         **code,
     }
 

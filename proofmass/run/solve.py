@@ -25,7 +25,13 @@ from proofmass.sim.contents import (
     why_not_linear_in_control,
     why_not_motor,
 )
-from proofmass.sim.engines import NoEngine, computes_curves, engine_names, engine_of
+from proofmass.sim.engines import (
+    NoEngine,
+    computes_curves,
+    engine_of,
+    is_engine,
+    suggest_engines,
+)
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, BadSetting, Diverged, Unsupported
 from proofmass.sim.protocol.run import STEP_ROUNDING, ChangingLoad, Drive, Run
@@ -58,10 +64,9 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
         There is no such engine or table, or the engine refuses a setting.
     """
     engine, _, variant = solver.partition(":")
-    if engine not in engine_names():
+    if not is_engine(engine):
         raise case.error(
-            f"run.{kind}.solvers",
-            f"no simulator {engine!r}; {suggest_names(engine, engine_names())}",
+            f"run.{kind}.solvers", f"no simulator {engine!r}; {suggest_engines(engine)}"
         )
     settings = dict(case.settings.get(solver, {}))
     if variant == "default":

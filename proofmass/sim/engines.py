@@ -1,7 +1,14 @@
-"""Find engines: entry points of the group ``proofmass.engines``, loaded by name."""
+"""Find engines: entry points of two groups, loaded by name.
+
+Engines of the group ``proofmass.engines`` run in the interpreter of proofmass, and those of this
+distribution run every case that names no other.  Engines of ``proofmass.hosted_engines`` run in
+interpreters of their own, and only where a command or a sidecar names them.  A name may state a
+version, ``mujoco==3.3.7``: the engine then runs in an interpreter that has it.
+"""
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -19,9 +26,15 @@ if TYPE_CHECKING:
 
     from proofmass.sim.protocol.engine import Engine
 
-ENGINE_GROUP = "proofmass.engines"
+ENGINE_GROUP, HOSTED_GROUP = "proofmass.engines", "proofmass.hosted_engines"
+VERSION_MARK = "=="
+"""Between the name of an engine and the version in which it runs."""
 NATIVE_ENGINE = "mujoco"
 """The engine whose own format is MJCF: it runs any model, and gives the poses of drawings."""
+
+
+VERSION = re.compile(r"\d[A-Za-z0-9.!+-]*")
+"""A version of a package."""
 
 
 class NoEngine(ValueError):
@@ -40,6 +53,26 @@ def engine_entry_points() -> dict[str, EntryPoint]:
 def engine_names() -> list[str]:
     """The names of all engines, those of this distribution first."""
     return list(engine_entry_points())
+
+
+@cache
+def hosted_names() -> list[str]:
+    """The names of the engines that run in interpreters of their own; none is imported."""
+    return list(entry_points_of(HOSTED_GROUP))
+
+
+def is_engine(name: str) -> bool:
+    """Whether there is an engine of a name, which may state a version; none is imported.
+
+    >>> is_engine("mujoco"), is_engine("mujoco==3.3.7"), is_engine("mujocco")
+    (True, True, False)
+    """
+    return name.partition(VERSION_MARK)[0] in (*engine_names(), *hosted_names())
+
+
+def suggest_engines(name: str) -> str:
+    """A phrase with the names of engines that resemble a wrong one."""
+    return suggest_names(name.partition(VERSION_MARK)[0], [*engine_names(), *hosted_names()])
 
 
 @cache
@@ -80,29 +113,38 @@ def computes_curves(solver: str) -> bool:
 
 @cache
 def engine_of(name: str) -> Engine:
-    """Load an engine by its name, or by the name of a solver.
+    """Load an engine by its name, which may state a version, or by the name of a solver.
 
     Raises
     ------
     NoEngine
-        No engine has the name, it cannot be loaded, or it is no
-        `proofmass.sim.protocol.engine.Engine`.
+        No engine has the name, it cannot be loaded, it is no
+        `proofmass.sim.protocol.engine.Engine`, or it is not run in other versions.
     """
     from proofmass.sim.protocol.engine import Engine
+    from proofmass.sim.protocol.failures import Unsupported
 
-    name = name.partition(":")[0]
-    if (entry := engine_entry_points().get(name)) is None:
-        raise NoEngine(f"no simulator {name!r}; {suggest_names(name, engine_names())}")
+    name, mark, version = name.partition(":")[0].partition(VERSION_MARK)
+    hosted = {own: same[0] for own, same in entry_points_of(HOSTED_GROUP).items()}
+    if (found := (hosted | engine_entry_points()).get(name)) is None:
+        raise NoEngine(f"no simulator {name!r}; {suggest_engines(name)}")
     try:
-        engine = load_entry_point(entry, "simulator")
+        engine = load_entry_point(found, "simulator")
     except NotLoaded as error:
         raise NoEngine(str(error)) from error
     if not isinstance(engine, Engine):
         raise NoEngine(
-            f"simulator {name!r}, of {distribution_of(entry)}: {entry.value} is no object "
+            f"simulator {name!r}, of {distribution_of(found)}: {found.value} is no object "
             f"of a class of proofmass.sim.protocol.engine.Engine"
         )
-    return engine
+    if not mark:
+        return engine
+    if not VERSION.fullmatch(version):
+        raise NoEngine(f"{name}{mark}{version}: {version!r} is no version, such as {name}==1.2.3")
+    try:
+        return engine.at_version(version)
+    except Unsupported as error:
+        raise NoEngine(f"{name}{mark}{version}: {error}") from error
 
 
 def format_solver(solver: str) -> str:

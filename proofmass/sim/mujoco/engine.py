@@ -107,5 +107,11 @@ class Mujoco(Engine):
     programs = LoadedPart("proofmass.sim.mujoco.program:MujocoPrograms")
     own_equations = LoadedPart("proofmass.sim.mujoco.own_motion:MujocoOwnEquations")
 
+    def at_version(self, number: str) -> Engine:
+        """MuJoCo in another version, which compiles the model itself; see `Engine.at_version`."""
+        from proofmass.sim.mujoco.hosted import MUJOCO  # what only other versions need
+
+        return MUJOCO.at_version(number)
+
 
 ENGINE = Mujoco()

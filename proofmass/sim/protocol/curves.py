@@ -56,6 +56,10 @@ class Curves:
         engine computes from the sizes of the model and the settings.  It is the same on every
         machine, so that it decides which of two settings is cheaper; NaN if the engine does not
         count it.
+    versions : dict of str to str
+        Versions of the packages that computed, of an engine that runs in another interpreter.
+    compile_seconds : float
+        Processor time in which the engine compiled the model before its steps [s].
     """
 
     x: Array
@@ -74,6 +78,8 @@ class Curves:
     notes: tuple[str, ...] = ()
     asked_step: float = float("nan")
     work: float = nan
+    versions: dict[str, str] = field(default_factory=dict)
+    compile_seconds: float = 0.0
 
     @property
     def made_step(self) -> float:

@@ -17,10 +17,12 @@ An engine has no access to references and tolerances.  It imports nothing of the
 """
 
 from collections.abc import Mapping
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.part import LoadedPart
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.protocol.settings import EngineSettings
@@ -114,6 +116,24 @@ class Engine:
             `proofmass.base.errors.InputError`, which names a faulty file of the engine.
         """
         raise NotImplementedError
+
+    def at_version(self, number: str) -> "Engine":
+        """The same engine in another version, in an interpreter that has it.
+
+        Raises
+        ------
+        Unsupported
+            The engine runs only in the version that is installed here.
+        """
+        raise Unsupported(f"{self.title} runs only in the version that is installed here")
+
+    def versions(self) -> dict[str, str]:
+        """Versions of the distributions that compute its results."""
+        return {name: version(name) for name in self.packages}
+
+    def provide(self) -> str:
+        """Fetch what the engine needs before it can run; returns why that cannot be had, or ""."""
+        return ""
 
     def owns(self, thing: object) -> bool:
         """Whether something is a model of the engine's own objects, which `record` runs."""

@@ -10,6 +10,10 @@ class Unsupported(Exception):
     """The simulator cannot express something in the model; the message names it."""
 
 
+class Unavailable(Unsupported):
+    """The simulator is not installed here and cannot be had; the message says why."""
+
+
 class Diverged(Exception):
     """The run failed: a value is not finite, the engine reset the state, or the loops opened.
 

@@ -110,6 +110,12 @@ class Pymunk(Engine):
         """See `simulate`."""
         return simulate(model, run)
 
+    def at_version(self, number: str) -> Engine:
+        """pymunk in another version, stepped plainly; see `Engine.at_version`."""
+        from proofmass.sim.hosts.engines import PYMUNK  # what only other versions need
+
+        return PYMUNK.at_version(number)
+
     def owns(self, thing: object) -> bool:
         """Whether something is a ``Space``."""
         return isinstance(thing, Space)

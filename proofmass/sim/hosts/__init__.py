@@ -1,0 +1,1 @@
+"""Engines that run in interpreters of their own, started by uv."""

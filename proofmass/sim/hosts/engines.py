@@ -1,0 +1,144 @@
+"""The engines of this distribution that run in interpreters of their own.
+
+Their scripts are in `proofmass/sim/hosts/scripts`.  MuJoCo in other versions, MJX and MuJoCo Warp
+read the MJCF themselves and are in `proofmass.sim.mujoco.hosted`.
+"""
+
+from typing import Literal
+
+from pydantic import Field
+
+from proofmass.base.strict import Count, StrictNumber
+from proofmass.sim.hosts.engine import About, HostedEngine, HostedSettings, SteppedSettings
+
+NO_ROTATION_IN_SPACE = "ball joint", "free joint"
+"""Joints that an engine of the plane has not."""
+
+
+class IteratedSettings(SteppedSettings):
+    """Settings of an engine whose solver iterates: `iterations` in each step."""
+
+    iterations: Count = 500
+
+
+class PinocchioSettings(HostedSettings):
+    """Settings of Pinocchio, which has no time stepping: the classical RK4 of its script.
+
+    `accuracy` of the proximal solver of loops [SI].
+    """
+
+    accuracy: StrictNumber = Field(1e-12, gt=0)
+
+
+class SimbodySettings(HostedSettings):
+    """Settings of Simbody: Runge-Kutta-Merson with an error `accuracy` chooses its own steps."""
+
+    accuracy: StrictNumber = Field(1e-9, gt=0)
+
+
+class ExudynSettings(HostedSettings):
+    """Settings of Exudyn: an implicit `scheme`.
+
+    ``trapezoidal`` is the Newmark rule with index-2 constraints, without numerical damping;
+    ``generalized alpha`` has index-3 constraints and a spectral radius of 0.9, its default.
+    """
+
+    scheme: Literal["trapezoidal", "generalized alpha"] = "trapezoidal"
+
+
+class DrakeSettings(SteppedSettings):
+    """Settings of Drake: discrete steps with the SAP solver, or a `continuous` motion of a tree."""
+
+    scheme: Literal["sap", "continuous"] = "sap"
+
+
+PYMUNK = HostedEngine(
+    "pymunk_plain.py",
+    ("pymunk==7.3.1",),
+    title="pymunk",
+    about=About(
+        "impulses with projection, semi-implicit Euler, in a plane",
+        "MIT",
+        "500 iterations, no error bias",
+    ),
+    settings=IteratedSettings,
+    lacks=NO_ROTATION_IN_SPACE,
+    planar=True,
+)
+PINOCCHIO = HostedEngine(
+    "pinocchio.py",
+    ("pin==4.1.0",),
+    title="Pinocchio",
+    about=About(
+        "exact constraints by a proximal solver; has no time stepping: RK4 of its script",
+        "BSD-2-Clause",
+        "accuracy 1e-12",
+        "the package pinocchio on PyPI is another program",
+    ),
+    settings=PinocchioSettings,
+)
+SIMBODY = HostedEngine(
+    "simbody.py",
+    ("opensim==4.6",),
+    title="Simbody",
+    about=About(
+        "exact constraints with projection; Runge-Kutta-Merson with chosen steps",
+        "Apache-2.0",
+        "accuracy 1e-9",
+        "Simbody is part of the package opensim",
+    ),
+    settings=SimbodySettings,
+)
+EXUDYN = HostedEngine(
+    "exudyn.py",
+    ("exudyn==1.13.6",),
+    title="Exudyn",
+    about=About(
+        "exact constraints of index 2 or 3; implicit Newmark or generalized-alpha steps",
+        "Exudyn licence, like BSD-3-Clause",
+        "Newton tolerance 1e-12",
+    ),
+    settings=ExudynSettings,
+)
+DRAKE = HostedEngine(
+    "drake.py",
+    ("drake==1.51.1",),
+    title="Drake",
+    about=About(
+        "loops as stiff springs of a convex solver (SAP); semi-implicit steps",
+        "BSD-3-Clause",
+        "rotor inertia for drives",
+    ),
+    settings=DrakeSettings,
+)
+BULLET = HostedEngine(
+    "bullet.py",
+    ("pybullet==3.2.7",),
+    title="Bullet",
+    about=About(
+        "a tree in reduced coordinates, loops by impulses; semi-implicit Euler",
+        "Zlib",
+        "500 iterations",
+    ),
+    settings=IteratedSettings,
+)
+DART = HostedEngine(
+    "dart.py",
+    ("dartpy==6.20.0",),
+    title="DART",
+    about=About(
+        "a tree in reduced coordinates, loops by impulses; semi-implicit Euler", "BSD-2-Clause"
+    ),
+    settings=SteppedSettings,
+)
+BOX2D = HostedEngine(
+    "box2d.py",
+    ("box2d==2.3.10",),
+    title="Box2D",
+    about=About(
+        "impulses in single precision, semi-implicit Euler, in a plane", "Zlib", "500 iterations"
+    ),
+    settings=IteratedSettings,
+    lacks=NO_ROTATION_IN_SPACE,
+    planar=True,
+)

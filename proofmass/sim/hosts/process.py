@@ -1,0 +1,251 @@
+"""Start the interpreter of an engine by uv, keep it, and ask it for runs.
+
+An interpreter is a child of the process that makes a run, which is a worker with limits of its own.
+It is kept for the next run of the same engine and version, gets the limits of the worker, and ends
+with it.  An engine that dies or hangs costs its own run: the next one starts another interpreter.
+"""
+
+import atexit
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, cast
+
+try:
+    import resource
+except ImportError:  # Windows, where memory has no limit
+    resource = None  # type: ignore[assignment]
+
+from proofmass.base.worker import (
+    DEFAULT_ENVIRONMENT,
+    SINGLE_THREAD,
+    Crashed,
+    OutOfMemory,
+    TimedOut,
+    name_signal,
+)
+from proofmass.sim import interpreter
+from proofmass.sim.interpreter import wire
+from proofmass.sim.interpreter.mechanism import Mechanism, States
+from proofmass.sim.protocol.failures import Unavailable, Unsupported
+
+SERVE = Path(interpreter.__file__).parent / "serve.py"
+KEPT_CHARACTERS = 240
+"""Characters that are kept of what an interpreter wrote before it died."""
+ENDED_BY_SIGNAL = 128
+"""uv ends with this number plus that of the signal which ended the interpreter."""
+FALLBACK_SECONDS, FALLBACK_MEMORY = 3600.0, 8 * 2**30
+"""Limits of a run in a process without limits of its own [s, bytes]."""
+
+
+@cache
+def find_uv() -> str:
+    """The program uv: that of the search path, or that of the package of this name.
+
+    Raises
+    ------
+    Unavailable
+        There is none.
+    """
+    if found := shutil.which("uv"):
+        return found
+    if find_spec("uv"):
+        import uv
+
+        return str(uv.find_uv_bin())
+    raise Unavailable("uv is not installed, which starts engines of other versions: pip install uv")
+
+
+def start_command(requires: Sequence[str], python: str = "") -> list[str]:
+    """The command that starts an interpreter with packages, before its own arguments.
+
+    It has neither the packages nor the configuration of the current folder.
+    """
+    if python:
+        return [python, "-I"]
+    packages = [part for one in requires for part in ("--with", one)]
+    flags = ["--isolated", "--no-project", "--quiet", "--python", sys.executable]
+    return [find_uv(), "run", *flags, *packages, "python", "-I"]
+
+
+def provide(requires: Sequence[str], python: str = "") -> str:
+    """Let uv fetch packages, so that runs need not wait for it.
+
+    Returns
+    -------
+    str
+        Why they cannot be had; empty if they are there.
+    """
+    try:
+        command = [*start_command(requires, python), "-c", ""]
+    except Unavailable as error:
+        return str(error)
+    with tempfile.TemporaryDirectory() as nowhere:
+        made = subprocess.run(command, capture_output=True, text=True, cwd=nowhere, check=False)
+    return explain_uv(made.stderr, requires) if made.returncode else ""
+
+
+def explain_uv(text: str, requires: Sequence[str]) -> str:
+    """What uv says of packages that cannot be had, in a line."""
+    words = " ".join(re.sub(r"[╰╭│─▶×]|-->|├|└", " ", text).split())
+    named = ", ".join(requires)
+    if "no wheels with a matching" in words or "no wheels are available" in words:
+        return f"{named} has no wheel for this Python or system: {words[:KEPT_CHARACTERS]}"
+    if "no version of" in words or "was not found in the package registry" in words:
+        return f"{named} is not in the package index: {words[:KEPT_CHARACTERS]}"
+    return f"{named} cannot be had: {words[:KEPT_CHARACTERS] or 'uv does not say why'}"
+
+
+class Host:
+    """An interpreter with an engine.
+
+    Parameters
+    ----------
+    script : Path
+        The script of the engine.
+    requires : sequence of str
+        Packages, such as ``drake==1.51.1``.
+    python : str
+        An interpreter that has them already; empty: uv makes one.
+
+    Raises
+    ------
+    Unavailable
+        There is no uv, or it cannot get a package.
+    Crashed
+        The engine cannot be imported.
+    """
+
+    def __init__(self, script: Path, requires: Sequence[str], python: str = "") -> None:
+        self.errors = tempfile.TemporaryFile()  # noqa: SIM115, closed with the host
+        self.folder = tempfile.TemporaryDirectory()
+        self.process = subprocess.Popen(
+            [*start_command(requires, python), str(SERVE), str(script)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self.errors,
+            cwd=self.folder.name,
+            env=DEFAULT_ENVIRONMENT | dict(os.environ) | SINGLE_THREAD,
+        )
+        try:
+            ready = self.receive()
+        except Crashed as error:
+            said = self.said()
+            self.close()
+            if "Python" not in said and not python and "Traceback" not in said:
+                raise Unavailable(explain_uv(said, requires)) from None
+            raise error from None
+        if "error" in ready:
+            self.close()
+            raise Crashed(f"{script.stem} cannot be loaded: {ready['error']}")
+        self.versions: dict[str, str] = ready["versions"]
+
+    @property
+    def alive(self) -> bool:
+        """Whether the interpreter waits for a request."""
+        return self.process.poll() is None
+
+    def run(self, mechanism: Mechanism, settings: dict[str, object]) -> States:
+        """The states of a run.
+
+        Raises
+        ------
+        Unsupported
+            The engine refuses something of the mechanism.
+        Crashed, TimedOut, OutOfMemory
+            The interpreter died, or the engine raised an exception.
+        """
+        seconds, memory = remaining_limits()
+        self.errors.seek(0)
+        self.errors.truncate()
+        request = {"mechanism": mechanism, "settings": settings}
+        try:
+            to = cast(Any, self.process.stdin)
+            wire.send(to, request | {"seconds": seconds, "memory": memory})
+        except BrokenPipeError:
+            raise self.death(seconds) from None
+        answer = self.receive(seconds)
+        if "refused" in answer:
+            raise Unsupported(answer["refused"])
+        if "memory" in answer:
+            raise OutOfMemory(f"needs more than {memory / 2**30:g} GiB of memory")
+        if "error" in answer:
+            raise Crashed(answer["error"])
+        self.versions = answer["versions"]
+        return cast(States, answer["states"])
+
+    def receive(self, seconds: float = 0.0) -> Any:
+        """The next message; raises what `death` makes if there is none."""
+        try:
+            return wire.receive(cast(Any, self.process.stdout))
+        except (EOFError, ValueError, KeyError, OSError):
+            raise self.death(seconds) from None
+
+    def death(self, seconds: float) -> Exception:
+        """The exception that says how the interpreter ended."""
+        self.close()
+        code = self.process.returncode
+        number = -code if code < 0 else code - ENDED_BY_SIGNAL
+        if number in (signal.SIGPROF, signal.SIGALRM):
+            return TimedOut(f"no answer in {seconds:.3g} s of processor time")
+        how = f"killed by signal {name_signal(number)}" if number > 0 else f"exit code {code}"
+        said = " ".join(self.said().split())
+        return Crashed(f"the interpreter of the engine ended: {how}" + (said and f": {said}"))
+
+    def said(self) -> str:
+        """The end of what the interpreter wrote to standard error."""
+        self.errors.seek(0)
+        return self.errors.read().decode(errors="replace")[-KEPT_CHARACTERS:]
+
+    def close(self) -> None:
+        """End the interpreter: it ends when its standard input closes."""
+        for stream in (self.process.stdin, self.process.stdout):
+            if stream is not None:
+                with suppress(BrokenPipeError):
+                    stream.close()
+        try:
+            self.process.wait(1.0)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self.folder.cleanup()
+
+
+def remaining_limits() -> tuple[float, int]:
+    """Processor time that this process has left [s], and the memory it may use [bytes]."""
+    seconds, memory = 0.0, FALLBACK_MEMORY
+    if hasattr(signal, "getitimer"):
+        seconds = signal.getitimer(signal.ITIMER_PROF)[0]
+    if resource is not None:
+        own = resource.getrlimit(resource.RLIMIT_DATA)[0]
+        memory = FALLBACK_MEMORY if own == resource.RLIM_INFINITY else own
+    return seconds or FALLBACK_SECONDS, memory
+
+
+_hosts: dict[tuple[str, ...], Host] = {}
+"""The interpreters of this process, by script, packages and given interpreter."""
+
+
+def host_of(script: Path, requires: Sequence[str], python: str = "") -> Host:
+    """The interpreter of an engine, started if none waits."""
+    key = (str(script), *requires, python)
+    found = _hosts.get(key)
+    if found is None or not found.alive:
+        found = _hosts[key] = Host(script, requires, python)
+    return found
+
+
+@atexit.register
+def close_hosts() -> None:
+    """End all interpreters of this process."""
+    for host in _hosts.values():
+        host.close()

@@ -1,0 +1,400 @@
+"""A mechanism as plain data: numbers, texts and arrays, without an object of any engine.
+
+All points and directions are those of the world in the start pose.  The frame of a link is at its
+centre of mass and has the axes of the world in the start pose, so that at the start every rotation
+is the identity, every relative rotation of a joint is 0, and its coordinate is `Joint.value`::
+
+       y            anchor o---- axis            centre c,  place = c(t)
+       |   link  .-''                            point p:   place + turn @ (p - centre)
+       0---- x  c
+    link 0 is the ground: centre 0, no mass
+
+This file is imported by proofmass and by the interpreters of engines; it needs NumPy alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rigid body in its state at the start.
+
+    Attributes
+    ----------
+    name : str
+    mass : float
+        [kg]; 0 for the ground.
+    inertia : ndarray (3, 3)
+        About the centre of mass, in the axes of the world at the start [kg m^2].
+    centre : ndarray (3,)
+        Centre of mass [m].
+    velocity, omega : ndarray (3,)
+        Velocity of the centre [m/s] and angular velocity [rad/s], at the time
+        `Mechanism.rates_at`.
+    body : int
+        Its number in the MJCF.
+    """
+
+    name: str
+    mass: float
+    inertia: Array
+    centre: Array
+    velocity: Array
+    omega: Array
+    body: int
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint of two links.
+
+    The spring has the force or moment ``-(k x + a x^2 + b x^3)`` on the child, with the reaction on
+    the parent, for ``x = value - rest``.
+
+    Attributes
+    ----------
+    name : str
+    kind : {"hinge", "slide", "ball", "free"}
+        A free joint connects its child with nothing.
+    parent, child : int
+        Numbers of the links.
+    anchor, axis : ndarray (3,)
+        A point of the joint [m], and its direction [1], which both links have at the start.
+    value, rate : float
+        Coordinate and rate at the start [rad or m, per s]; 0 for balls and free joints.  The rate
+        is that at the time `Mechanism.rates_at`.
+    spring : ndarray (3,)
+        k, a, b [N m/rad or N/m, and per further rad or m].
+    rest : float
+        Coordinate at which the spring is slack [rad or m].
+    damping : float
+        [N m s/rad or N s/m]
+    armature : float
+        Inertia that is added to that of the coordinate [kg m^2 or kg].
+    force : ndarray (1,) or (2 steps + 1,)
+        Moment or force on the child, with the reaction on the parent [N m or N]: constant, or at
+        the beginning and in the middle of each step and at the end of the last.
+    """
+
+    name: str
+    kind: str
+    parent: int
+    child: int
+    anchor: Array
+    axis: Array
+    value: float
+    rate: float
+    spring: Array
+    rest: float
+    damping: float
+    armature: float
+    force: Array
+
+    @property
+    def is_sprung(self) -> bool:
+        """Whether the joint has a spring."""
+        return bool(np.any(self.spring))
+
+    @property
+    def is_forced(self) -> bool:
+        """Whether a force or moment acts in the joint."""
+        return bool(np.any(self.force))
+
+    def force_in(self, step: int) -> float:
+        """The force or moment in the middle of a step [N m or N]."""
+        return float(self.force[0] if self.force.size == 1 else self.force[2 * step + 1])
+
+    def passive_force(self, value: float, rate: float) -> float:
+        """Force or moment of spring and damper on the child [N m or N]."""
+        x = value - self.rest
+        k, a, b = self.spring
+        return float(-x * (k + x * (a + x * b)) - self.damping * rate)
+
+
+@dataclass(frozen=True)
+class PointLoop:
+    """A loop that joins a point of link `a` with a point of link `b`, `on_a` and `on_b` [m]."""
+
+    name: str
+    a: int
+    b: int
+    on_a: Array
+    on_b: Array
+
+
+@dataclass(frozen=True)
+class Gear:
+    """A gear: the coordinate of joint `one` is ``level + ratio`` times that of joint `two`."""
+
+    name: str
+    one: int
+    two: int
+    ratio: float
+    level: float
+
+
+@dataclass(frozen=True)
+class PointSpring:
+    """A spring and a damper between points of two links.
+
+    It pulls with ``stiffness (length - free)`` where it is longer than `slack` [1], pushes where it
+    is shorter than `slack` [0], and is slack between them [m].
+    """
+
+    name: str
+    a: int
+    b: int
+    on_a: Array
+    on_b: Array
+    stiffness: float
+    damping: float
+    slack: tuple
+
+    def pull(self, length: float, rate: float) -> float:
+        """Force with which it pulls its ends together [N]."""
+        low, high = self.slack
+        return float(self.stiffness * (length - min(max(length, low), high)) + self.damping * rate)
+
+
+@dataclass(frozen=True)
+class Load:
+    """A force and a moment on a link.
+
+    Attributes
+    ----------
+    link : int
+    at : ndarray (3,)
+        Point of the link on which the force acts [m].
+    force, moment : ndarray (3,)
+        In the axes of the world at the start [N, N m].
+    follows : bool
+        Whether both turn with the link.
+    share : ndarray (1,) or (2 steps + 1,)
+        Factor of both, as `Joint.force`.
+    """
+
+    link: int
+    at: Array
+    force: Array
+    moment: Array
+    follows: bool
+    share: Array
+
+    def share_in(self, step: int) -> float:
+        """The factor in the middle of a step [1]."""
+        return float(self.share[0] if self.share.size == 1 else self.share[2 * step + 1])
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The prescribed motion of a joint: at the beginning and in the middle of each step.
+
+    `value`, `rate` and `acceleration` are arrays (2 steps + 1,) [rad or m, per s, per s^2]; those
+    of step ``i`` begin at index ``2 i``.  There is one step more than the run has, so that
+    accelerations can be taken from differences at the last sample.
+    """
+
+    joint: int
+    value: Array
+    rate: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True)
+class Mjcf:
+    """The model in MuJoCo's own language, for hosts that read it.
+
+    Attributes
+    ----------
+    text : str
+        The model with all that it includes, without sensors and keys.
+    folder : str
+        The folder in which meshes and other files are looked for.
+    sizes : tuple of int
+        nq, nv, neq and nbody of the compiled model.
+    arrays : dict of str to ndarray
+        Fields of the compiled model that settings may have changed, by name.
+    options : dict of str to number
+        Options of the compiled model, by name.
+    words : dict of str to str
+        Options with words: ``integrator``, ``solver`` and ``cone``, as in ``mjINT_EULER``.
+    qpos, qvel, ctrl : ndarray
+        The state at the start.
+    pushes : ndarray (nbody, 6)
+        Forces and moments on bodies, ``xfrc_applied``.
+    dofs : ndarray (drives,)
+        Indices of the driven joints in ``qvel``.
+    torque : ndarray (steps, drives)
+        Torque on the flywheel of each drive in each step.
+    instant : ndarray (steps + 1, drives)
+        Torque on the flywheel at the beginning of each step.
+    controls : ndarray (2 steps + 1, loads)
+        Controls that change, as `Joint.force`.
+    changed : ndarray (loads,)
+        Their indices in ``ctrl``.
+    """
+
+    text: str
+    folder: str
+    sizes: tuple
+    arrays: dict
+    options: dict
+    words: dict
+    qpos: Array
+    qvel: Array
+    ctrl: Array
+    pushes: Array
+    dofs: Array
+    torque: Array
+    instant: Array
+    controls: Array
+    changed: Array
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A mechanism, its state at the start, and the steps of a run.
+
+    Attributes
+    ----------
+    links : tuple of Link
+        The first one is the ground.
+    joints : tuple of Joint
+        A link has at most one joint, or several in a row that act one after the other.  The joints
+        are in the order of the tree: the parent of a joint comes before its child.
+    loops : tuple of PointLoop
+    gears : tuple of Gear
+    springs : tuple of PointSpring
+    loads : tuple of Load
+    drives : tuple of Drive
+    gravity : ndarray (3,)
+        [m/s^2]
+    plane : ndarray (3, 3)
+        Rows e1, e2 and normal of the plane in which a planar mechanism moves; shape (0, 3) for a
+        mechanism in space.
+    size : float
+        [m]
+    step : float
+        Time step [s].
+    count : int
+        Number of steps from each sample to the next.
+    samples : int
+    rates_at : float
+        Time of the rates of links and joints at the start: 0, or -step / 2 for a reading of
+        velocities in the middle of steps [s].
+    mjcf : Mjcf, optional
+        Only for hosts that ask for it.
+    """
+
+    links: tuple
+    joints: tuple
+    loops: tuple
+    gears: tuple
+    springs: tuple
+    loads: tuple
+    drives: tuple
+    gravity: Array
+    plane: Array
+    size: float
+    step: float
+    count: int
+    samples: int
+    rates_at: float = 0.0
+    mjcf: Any = None
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether the mechanism moves in a plane."""
+        return bool(len(self.plane))
+
+    @property
+    def steps(self) -> int:
+        """Number of steps of the run."""
+        return self.count * (self.samples - 1)
+
+    def joints_of(self, link: int) -> list:
+        """Numbers of the joints whose child is a link, in the order in which they act."""
+        return [j for j, one in enumerate(self.joints) if one.child == link]
+
+    def drive_of(self, joint: int) -> Any:
+        """The drive of a joint, or None."""
+        return next((one for one in self.drives if one.joint == joint), None)
+
+    def flat(self, vector: Array) -> Array:
+        """Components of vectors (..., 3) in the plane (..., 2)."""
+        return vector @ self.plane[:2].T
+
+    def turn_of(self, joint: int) -> float:
+        """1 if a hinge turns about the normal of the plane, -1 if against it."""
+        return float(np.sign(self.joints[joint].axis @ self.plane[2]))
+
+
+@dataclass
+class States:
+    """States of all links at the samples, and what the run took.
+
+    Attributes
+    ----------
+    place, velocity, omega : ndarray (n, links, 3)
+        Centres [m], their velocities [m/s] and angular velocities [rad/s].
+    turn : ndarray (n, links, 3, 3)
+        Rotations since the start.
+    acceleration, alpha : ndarray (n, links, 3)
+        Accelerations of the centres [m/s^2], and angular accelerations [rad/s^2]; NaN where the
+        engine has none.
+    seconds : float
+        Processor time of the steps [s].
+    compiled : float
+        Processor time of compilation before the steps [s].
+    failed : str
+        Why the run ended early; the states end with the last good sample.
+    coordinates : ndarray (3, n, joints) or (0,)
+        Coordinates of hinges and slides, their rates and accelerations, from engines that have
+        them; empty: they follow from the states of the links.
+    notes : tuple of str
+        Remarks on the run, a sentence each.
+    """
+
+    place: Array
+    velocity: Array
+    omega: Array
+    turn: Array
+    acceleration: Array
+    alpha: Array
+    seconds: float = 0.0
+    compiled: float = 0.0
+    failed: str = ""
+    coordinates: Array = field(default_factory=lambda: np.zeros(0))
+    notes: tuple = ()
+
+    @classmethod
+    def empty(cls, mechanism: Mechanism) -> States:
+        """States of all links at the start pose, at rest."""
+        n, links = mechanism.samples, mechanism.links
+        place = np.tile(np.array([one.centre for one in links]), (n, 1, 1))
+        none = np.zeros_like(place)
+        turn = np.tile(np.eye(3), (n, len(links), 1, 1))
+        return cls(place, none.copy(), none.copy(), turn, none.copy(), none.copy())
+
+    def first(self, count: int, failed: str) -> States:
+        """The states at the first `count` samples, with the reason why there are no more."""
+        rows = {
+            name: getattr(self, name)[:count]
+            for name in ("place", "velocity", "omega", "turn", "acceleration", "alpha")
+        }
+        coordinates = self.coordinates[:, :count] if self.coordinates.size else self.coordinates
+        return States(
+            **rows,
+            seconds=self.seconds,
+            compiled=self.compiled,
+            failed=failed,
+            coordinates=coordinates,
+            notes=self.notes,
+        )

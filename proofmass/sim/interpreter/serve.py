@@ -1,0 +1,118 @@
+"""The program that runs in the interpreter of an engine: ``python serve.py SCRIPT``.
+
+It loads the script of the engine, and answers requests on standard input with messages on standard
+output, see `wire`.  What the engine prints goes to standard error.  It ends when standard input
+closes, also in the middle of a run.
+
+A request has the mechanism, the settings, and limits of processor time [s] and memory [bytes].  An
+answer has one of
+
+    states      the `States` of the run, with the versions of what computed
+    refused     what the engine cannot express
+    error       the type and the message of an exception of the engine
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import os
+import queue
+import signal
+import sys
+import threading
+from typing import Any
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+PACKAGE = "proofmass_host"
+
+
+def load_package() -> None:
+    """Make this folder importable as a package, whatever its own name; no path is added."""
+    sys.path[:] = [one for one in sys.path if os.path.abspath(one or os.getcwd()) != HERE]
+    load_module(PACKAGE, os.path.join(HERE, "__init__.py"), [HERE])
+
+
+def load_module(name: str, path: str, inside: Any = None) -> Any:
+    """Import a file under a name."""
+    spec = importlib.util.spec_from_file_location(name, path, submodule_search_locations=inside)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def main() -> None:
+    """Load the engine, say that it is there, and answer requests."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    sys.stdout = os.fdopen(1, "w", buffering=1, closefd=False)
+    load_package()
+    from proofmass_host import wire
+
+    requests: queue.SimpleQueue = queue.SimpleQueue()
+    threading.Thread(target=receive_requests, args=(wire, requests), daemon=True).start()
+    try:
+        script = load_module("proofmass_engine", sys.argv[1])
+        ready: dict[str, Any] = {"versions": dict(script.VERSIONS)}
+    except BaseException as error:
+        ready = {"error": describe(error)}
+    wire.send(answers, ready)
+    if "error" in ready:
+        return
+    while True:
+        request = wire.unpack(requests.get())
+        limit(request["seconds"], request["memory"])
+        answer = answer_request(script, request)
+        limit(0.0, request["memory"])
+        wire.send(answers, answer)
+
+
+def answer_request(script: Any, request: dict) -> dict:
+    """The answer to a request, see the module."""
+    from proofmass_host import Refused
+
+    try:
+        states = script.simulate(request["mechanism"], request["settings"])
+        return {"states": states, "versions": dict(script.VERSIONS)}
+    except Refused as error:
+        return {"refused": str(error)}
+    except MemoryError:
+        return {"memory": True}
+    except Exception as error:
+        return {"error": describe(error)}
+
+
+def describe(error: BaseException) -> str:
+    """The type and the message of an exception, in a line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:400]}"
+
+
+def receive_requests(wire: Any, requests: Any) -> None:
+    """Read requests until standard input closes, then end this process."""
+    try:
+        with io.FileIO(0, closefd=False) as stream:
+            while True:
+                requests.put(wire.receive_body(stream))
+    finally:
+        os._exit(0)
+
+
+def limit(seconds: float, memory: int) -> None:
+    """Let the system end this process after a processor time [s], 0: never; limit its memory."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        import resource
+    except ImportError:
+        return
+    most = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    wanted = memory if most == resource.RLIM_INFINITY else min(memory, most)
+    if memory:
+        resource.setrlimit(resource.RLIMIT_DATA, (wanted, most))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,152 @@
+"""MuJoCo in other versions, MJX and MuJoCo Warp: the same model, stepped in other interpreters.
+
+The interpreter compiles the text of the model with its own version.  Options, start state and the
+torques on the flywheels of drives are those of a run in this interpreter, see
+`proofmass.sim.mujoco.dynamics`, so that what differs is the version alone.
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from proofmass.sim.contents import control_indices
+from proofmass.sim.hosts.engine import About, HostedEngine
+from proofmass.sim.interpreter.mechanism import Mechanism, Mjcf
+from proofmass.sim.mjcf import insert_includes, read_tree
+from proofmass.sim.mujoco.dynamics import initialize_dynamics
+from proofmass.sim.mujoco.linkage import Linkage
+from proofmass.sim.mujoco.model import load
+from proofmass.sim.mujoco.settings import MujocoSettings
+from proofmass.sim.mujoco.support import SUPPORT
+from proofmass.sim.neutral import NeutralReader, read_mechanism
+from proofmass.sim.protocol.failures import Unsupported
+from proofmass.sim.protocol.run import Run
+from proofmass.sim.protocol.settings import EngineSettings
+
+WRITTEN_ARRAYS = (
+    *("eq_solref", "eq_solimp", "eq_active0", "jnt_solref", "jnt_solimp", "jnt_limited"),
+    *("dof_solref", "dof_solimp", "dof_armature", "dof_damping", "dof_frictionloss"),
+    *("jnt_stiffness", "tendon_stiffness", "tendon_damping", "tendon_frictionloss"),
+    *("tendon_limited", "actuator_gainprm", "actuator_biasprm"),
+)
+"""Fields of a compiled model that settings, flags or drives change."""
+OPTIONS = (
+    *("timestep", "gravity", "impratio", "tolerance", "iterations", "noslip_iterations"),
+    *("ls_iterations",),
+)
+WORDS: Mapping[str, Any] = {
+    "integrator": mujoco.mjtIntegrator,
+    "solver": mujoco.mjtSolver,
+    "cone": mujoco.mjtCone,
+}
+"""Options with words, and their kinds: the numbers of words may differ between versions."""
+
+
+class HostedMujoco(HostedEngine):
+    """MuJoCo in another version, or another program that reads its models."""
+
+    support = SUPPORT
+
+    def __init__(self, script: str, requires: tuple[str, ...], *, title: str, about: About) -> None:
+        super().__init__(script, requires, title=title, about=about, settings=MujocoSettings)
+        self.support = SUPPORT  # type: ignore[misc]
+
+    def read(self, model: Path, run: Run, own: EngineSettings) -> tuple[NeutralReader, Mechanism]:
+        """See `HostedEngine.read`; the mechanism has the text of the model."""
+        if run.rods:
+            raise Unsupported("rods of the sidecar, which are no part of the MJCF")
+        compiled, data = load(model, run)
+        step = float(compiled.opt.timestep)
+        reader = read_mechanism(model, replace(run, settings={}), self.support, step, contacts=True)
+        mjcf = read_mjcf(model, compiled, data, reader)
+        return reader, replace(reader.mechanism(forces=False), mjcf=mjcf)
+
+
+def read_mjcf(
+    path: Path, model: mujoco.MjModel, data: mujoco.MjData, reader: NeutralReader
+) -> Mjcf:
+    """The text of a model and its state at the start of a run, with flywheels.
+
+    `model` and `data` have the settings of the run, and are changed.
+    """
+    run, model.opt.timestep = reader.run, reader.step
+    linkage = Linkage(model, data, tuple(drive.joint for drive in run.drives))
+    steps = reader.count * (run.x.size - 1)
+    times = run.x[0] + reader.step * np.arange(steps + 1)
+    torque, instant = initialize_dynamics(linkage, run, times)
+    changed = control_indices(model, (one.actuator for one in run.loads))
+    flags = mujoco.mjtDisableBit.__members__.items()
+    disabled = [
+        name
+        for name, bit in flags
+        if name.startswith("mjDSBL_") and model.opt.disableflags & int(bit)
+    ]
+    return Mjcf(
+        model_text(path),
+        os.path.abspath(path.parent),
+        (model.nq, model.nv, model.neq, model.nbody),
+        {name: np.array(getattr(model, name)) for name in WRITTEN_ARRAYS},
+        {name: np.array(getattr(model.opt, name)) for name in OPTIONS},
+        {key: kinds(getattr(model.opt, key)).name for key, kinds in WORDS.items()}
+        | {"disabled": " ".join(disabled)},
+        data.qpos.copy(),
+        data.qvel.copy(),
+        data.ctrl.copy(),
+        data.xfrc_applied.copy(),
+        linkage.dofs.copy(),
+        torque,
+        instant,
+        reader.controls[changed].T,
+        np.array(changed, np.intp),
+    )
+
+
+def model_text(path: Path) -> str:
+    """The text of an MJCF file with what it includes, without sensors and keys.
+
+    Channels come from the states of the links, and older versions lack some sensors.
+    """
+    root = read_tree(path)
+    insert_includes(root, path.parent)
+    for tag in ("sensor", "keyframe"):
+        for section in root.findall(tag):
+            root.remove(section)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+MUJOCO = HostedMujoco(
+    "mujoco_c.py",
+    ("mujoco==4.0.0",),
+    title="MuJoCo",
+    about=About(
+        "soft constraints with a convex solver; Euler, implicit or RK4 steps",
+        "Apache-2.0",
+        "the settings of the model",
+    ),
+)
+MJX = HostedMujoco(
+    "mjx.py",
+    ("mujoco-mjx==3.17.0", "mujoco==3.17.0", "jax==0.10.2"),
+    title="MJX",
+    about=About(
+        "soft constraints as MuJoCo, in JAX and double precision; compiles each model",
+        "Apache-2.0",
+        "the settings of the model",
+    ),
+)
+WARP = HostedMujoco(
+    "mujoco_warp.py",
+    ("mujoco-warp==4.0.0", "mujoco==4.0.0", "warp-lang==1.19.0"),
+    title="MuJoCo Warp",
+    about=About(
+        "soft constraints as MuJoCo, in Warp and single precision; compiles its kernels",
+        "Apache-2.0",
+        "the settings of the model",
+    ),
+)

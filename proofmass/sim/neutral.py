@@ -1,0 +1,446 @@
+"""Read a model and a run in time as a mechanism of plain data, for engines of any kind.
+
+The result, `proofmass.sim.interpreter.mechanism.Mechanism`, has numbers, texts and arrays only:
+links, joints, loops, gears, springs and loads in the start pose, and the motion of the drives at
+all steps.  What it does not carry is refused by name, see `SUPPORT`.
+
+MuJoCo compiles the model and gives its pose and rates at the start.  References keep readings of
+their own, so that a number that is misread here shows in the curves.
+"""
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from proofmass.analytic.mjcf import read_compiled
+from proofmass.analytic.names import equality_name, radian_hint
+from proofmass.analytic.start import MAX_KEY_VIOLATION
+from proofmass.analytic.support import (
+    ACTS,
+    IN_TIME,
+    IRRELEVANT,
+    PARTLY,
+    REFUSED,
+    SAID,
+    FeatureAnswer,
+    RunKind,
+    Support,
+    covers,
+    examine,
+)
+from proofmass.base.arrays import Array
+from proofmass.sim.contents import (
+    active_connects,
+    actuators_on,
+    anchor_bodies,
+    anchors,
+    control_indices,
+    gear_of,
+    is_disabled,
+    is_linear_in_joint,
+    may_touch,
+    pose_of,
+    straight_tendon,
+)
+from proofmass.sim.interpreter.mechanism import (
+    Drive,
+    Gear,
+    Joint,
+    Link,
+    Load,
+    Mechanism,
+    PointLoop,
+    PointSpring,
+)
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.plane import find_plane
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import Run
+from proofmass.sim.rods import dead_loads
+from proofmass.sim.smooth import SmoothTerms
+from proofmass.sim.start import loop_opening, start_state
+
+EQ, OBJ, JOINT = mujoco.mjtEq, mujoco.mjtObj, mujoco.mjtJoint
+JOINT_KINDS = {
+    JOINT.mjJNT_HINGE: "hinge",
+    JOINT.mjJNT_SLIDE: "slide",
+    JOINT.mjJNT_BALL: "ball",
+    JOINT.mjJNT_FREE: "free",
+}
+COORDINATES = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
+"""Rates of a joint by its kind."""
+ACTING = (
+    "ball joint",
+    "free joint",
+    "stiffness of a joint",
+    "polynomial stiffness of a joint",
+    "damping of a joint",
+    "armature of a hinge on the ground",
+    "armature of a joint, which is no single hinge on the ground",
+    "actuatorfrcrange of a joint with motors",
+    "connect equality",
+    "joint equality, of hinges on the ground or of a planet and its arm",
+    "joint equality, whose joints are no such hinges",
+    "stiffness of a tendon",
+    "damping of a tendon",
+    "an actuator, which is a motor on a joint",
+    "an actuator, which is a servo on a joint",
+    "an actuator, which is a motor on a site whose refsite, if any, is of the ground",
+    "ctrlrange of an actuator",
+    "forcerange of a motor",
+    "rates of the key",
+)
+"""Features of a model that a neutral mechanism has."""
+WITHOUT_EFFECT = (
+    "polynomial damping of a driven joint",
+    "frictionloss of a driven joint",
+    "actuatorfrcrange of a driven joint",
+    "armature of an actuator on a driven joint",
+    "damping of an actuator on a driven joint",
+    "polynomial damping of an actuator on a driven joint",
+    "force of an actuator on a driven joint",
+    "time of the key",
+    "integrator or solver of the options",
+    "discrete inverse dynamics",
+    "sleep of bodies at rest",
+    "magnetic field",
+    "noise of a sensor",
+)
+"""Features that do not change the motion of a run in time, whose drives are ideal."""
+EXCEPTIONS: dict[str, FeatureAnswer] = {
+    **dict.fromkeys(ACTING, ACTS),
+    **dict.fromkeys(WITHOUT_EFFECT, IRRELEVANT),
+    **dict.fromkeys(("cutoff of a sensor", "delay of a sensor", "interval of a sensor"), SAID),
+    "range of a joint": PARTLY,
+    "contacts": PARTLY,
+}
+SUPPORT = covers(IN_TIME, EXCEPTIONS, usual=REFUSED)
+"""What becomes of each feature of a model in a neutral mechanism."""
+
+
+def support_without(lacks: tuple[str, ...]) -> Support:
+    """The support of an engine that has all of a neutral mechanism but some features."""
+    return covers(IN_TIME, {**EXCEPTIONS, **dict.fromkeys(lacks, REFUSED)}, usual=REFUSED)
+
+
+class NeutralReader:
+    """A compiled model in the start of a run, and the parts of its mechanism.
+
+    Parameters
+    ----------
+    model : MjModel
+        With the rods of the run.
+    run : Run
+        A run in time.
+    timestep : float
+        Longest time step [s].
+
+    Raises
+    ------
+    BadModel
+        A loop is open in the start pose, or the run names an element that there is not.
+    """
+
+    def __init__(self, model: mujoco.MjModel, run: Run, timestep: float) -> None:
+        self.model, self.run = model, run
+        self.asked_step = timestep
+        self.count, self.step = run.steps(timestep)
+        self.driven = tuple(joint_number(model, drive.joint) for drive in run.drives)
+        self.terms = SmoothTerms(model, run.start)
+        self.qpos, self.qvel = start_state(model, run)
+        self.data = mujoco.MjData(model)
+        if model.nkey:
+            mujoco.mj_resetDataKeyframe(model, self.data, model.key(run.start).id)
+        self.data.qpos[:], self.data.qvel[:] = self.qpos, self.qvel
+        mujoco.mj_fwdPosition(model, self.data)
+        mujoco.mj_fwdVelocity(model, self.data)
+
+    @cached_property
+    def heads(self) -> list[int]:
+        """Bodies that are links, the world first; the others are welded to one of them."""
+        weld = self.model.body_weldid
+        return [b for b in range(self.model.nbody) if weld[b] == b]
+
+    @cached_property
+    def link_of(self) -> Array:
+        """Number of the link of each body (bodies,)."""
+        places = {head: k for k, head in enumerate(self.heads)}
+        return np.array([places[int(w)] for w in self.model.body_weldid])
+
+    @cached_property
+    def half_steps(self) -> Array:
+        """Times of the beginning and the middle of each step, with one step more than there are."""
+        steps = self.count * (self.run.x.size - 1) + 1
+        return np.asarray(self.run.x[0] + 0.5 * self.step * np.arange(2 * steps + 1))
+
+    @cached_property
+    def controls(self) -> Array:
+        """Controls (controls, times) at all half steps; (controls, 1) if none changes."""
+        ctrl = self.data.ctrl[:, None].copy()
+        if not self.run.loads:
+            return ctrl
+        times = np.minimum(self.half_steps, self.run.x[-1])
+        ctrl = np.tile(ctrl, (1, times.size))
+        places = control_indices(self.model, (one.actuator for one in self.run.loads))
+        ctrl[places] = self.run.controls(times)[0]
+        return ctrl
+
+    def links(self) -> Iterator[Link]:
+        """The links in their state at the start."""
+        model, data, rate = self.model, self.data, np.zeros(6)
+        for k, head in enumerate(self.heads):
+            parts = np.flatnonzero(self.link_of == k) if k else np.zeros(0, int)
+            masses = model.body_mass[parts]
+            mass = float(masses.sum())
+            centre = masses @ data.xipos[parts] / mass if mass else data.xpos[head].copy()
+            inertia = np.zeros((3, 3))
+            for b, own in zip(parts, masses, strict=True):
+                axes, off = data.ximat[b].reshape(3, 3), data.xipos[b] - centre
+                inertia += axes @ np.diag(model.body_inertia[b]) @ axes.T
+                inertia += own * (off @ off * np.eye(3) - np.outer(off, off))
+            mujoco.mj_objectVelocity(model, data, int(OBJ.mjOBJ_XBODY), head, rate, 0)
+            omega = rate[:3].copy()
+            velocity = rate[3:] + np.cross(omega, centre - data.xpos[head])
+            if not k:
+                centre = np.zeros(3)
+            yield Link(model.body(head).name, mass, inertia, centre, velocity, omega, head)
+
+    def joints(self, forces: bool = True) -> Iterator[Joint]:
+        """The joints, whose servos are springs and dampers; or their geometry alone."""
+        model, data = self.model, self.data
+        for j in range(model.njnt):
+            kind = JOINT_KINDS[JOINT(int(model.jnt_type[j]))]
+            adr, dof, body = model.jnt_qposadr[j], model.jnt_dofadr[j], int(model.jnt_bodyid[j])
+            one = kind in ("hinge", "slide")
+            spring = np.array([model.jnt_stiffness[j], *model.jnt_stiffnesspoly[j]])
+            if forces and not one and spring.any():
+                raise Unsupported(f"stiffness of {kind} joint {model.joint(j).name!r}")
+            if forces and not one and model.dof_armature[dof : dof + COORDINATES[kind]].any():
+                raise Unsupported(f"armature of {kind} joint {model.joint(j).name!r}")
+            rest, damping = float(model.qpos_spring[adr]), float(model.dof_damping[dof])
+            force = np.zeros(1)
+            if j not in self.driven and one and forces:
+                stiffness, more, force = self.actuation(j, rest)
+                spring[0] += stiffness
+                damping += more
+            yield Joint(
+                model.joint(j).name,
+                kind,
+                int(self.link_of[model.body_parentid[self.heads[self.link_of[body]]]]),
+                int(self.link_of[body]),
+                data.xanchor[j].copy(),
+                data.xaxis[j].copy(),
+                float(self.qpos[adr]) if one else 0.0,
+                float(self.qvel[dof]) if one else 0.0,
+                spring,
+                rest if one else 0.0,
+                0.0 if j in self.driven else damping,
+                float(model.dof_armature[dof]) if one else 0.0,
+                force,
+            )
+
+    def actuation(self, j: int, rest: float) -> tuple[float, float, Array]:
+        """Stiffness and damping of the servos on a joint, and the force of all its actuators.
+
+        The force of servos is that at a coordinate `rest` and at no rate; the controls are those of
+        the half steps.
+        """
+        model, stiffness, damping, force = self.model, 0.0, 0.0, np.zeros(1)
+        for a in actuators_on(model, j):
+            gear = float(gear_of(model, a)[0])
+            if is_linear_in_joint(model, a):
+                _, per_length, per_rate = model.actuator_biasprm[a, :3].tolist()
+                stiffness -= per_length * gear**2
+                damping -= per_rate * gear**2
+            force = force + gear * self.actuator_force(a, gear * rest)
+        if model.jnt_actfrclimited[j]:
+            force = np.clip(force, *model.jnt_actfrcrange[j])
+        return stiffness, damping, np.asarray(force)
+
+    def actuator_force(self, a: int, length: float = 0.0) -> Array:
+        """Force of actuator number a with the controls of the half steps, at a length."""
+        model = self.model
+        control = self.controls[model.actuator_ctrladr[a]]
+        clamps = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+        if clamps and model.actuator_ctrllimited[a]:
+            control = np.clip(control, *model.actuator_ctrlrange[a])
+        force = model.actuator_gainprm[a, 0] * control
+        if model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE:
+            force = force + model.actuator_biasprm[a, 0] + model.actuator_biasprm[a, 1] * length
+        if model.actuator_forcelimited[a]:
+            force = np.clip(force, *model.actuator_forcerange[a])
+        return np.asarray(force)
+
+    def loops(self) -> Iterator[PointLoop]:
+        """The ``connect`` equalities."""
+        for i in active_connects(self.model):
+            one, two = anchor_bodies(self.model, i)
+            p, q = anchors(self.model, i, pose_of(self.data))
+            name = equality_name(self.model, i)
+            yield PointLoop(name, int(self.link_of[one]), int(self.link_of[two]), p + 0, q + 0)
+
+    def gears(self) -> Iterator[Gear]:
+        """The linear ``joint`` equalities of two joints."""
+        model = self.model
+        for e in np.flatnonzero(model.eq_active0 & (model.eq_type == EQ.mjEQ_JOINT)).tolist():
+            one, two = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+            zeros = model.qpos0[model.jnt_qposadr[[one, two]]]
+            level, ratio = model.eq_data[e, :2].tolist()
+            level = float(zeros[0] + level - ratio * zeros[1])
+            yield Gear(equality_name(model, e), one, two, ratio, level)
+
+    def springs(self) -> Iterator[PointSpring]:
+        """The tendons with stiffness or damping, straight from site to site."""
+        model, data = self.model, self.data
+        for t in range(model.ntendon):
+            stiffness, damping = float(model.tendon_stiffness[t]), float(model.tendon_damping[t])
+            if not (stiffness or damping):
+                continue
+            if (sites := straight_tendon(model, t)) is None:
+                continue  # refused before, unless the engine reads the MJCF itself
+            a, b = (int(self.link_of[model.site_bodyid[s]]) for s in sites)
+            on_a, on_b = (data.site_xpos[s].copy() for s in sites)
+            slack = (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1]))
+            name = model.tendon(t).name
+            yield PointSpring(name, a, b, on_a, on_b, stiffness, damping, slack)
+
+    def loads(self) -> Iterator[Load]:
+        """The loads of actuators on sites and the constant loads of rods."""
+        model, data = self.model, self.data
+        for a in range(model.nactuator):
+            if model.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_SITE or is_disabled(model, a):
+                continue
+            site, frame = model.actuator_trnid[a].tolist()
+            if link := int(self.link_of[model.site_bodyid[site]]):
+                turn = data.site_xmat[site if frame < 0 else frame].reshape(3, 3)
+                force, moment = gear_of(model, a).reshape(2, 3) @ turn.T
+                share, at = self.actuator_force(a), data.site_xpos[site].copy()
+                yield Load(link, at, force, moment, frame < 0, share)
+        for body, force in dead_loads(model, self.run.rods):
+            if link := int(self.link_of[body]):
+                yield Load(link, data.xipos[body].copy(), force, np.zeros(3), False, np.ones(1))
+
+    def drives(self) -> Iterator[Drive]:
+        """The motion of each drive at all half steps; it goes on evenly behind the last sample."""
+        times, end = self.half_steps, self.run.x[-1]
+        value, rate, acceleration = self.run.motion(np.minimum(times, end))
+        late = np.maximum(times - end, 0.0)
+        value = value + late * (rate + 0.5 * late * acceleration)
+        rate = rate + late * acceleration
+        for j, *motion in zip(self.driven, value, rate, acceleration, strict=True):
+            yield Drive(j, *motion)
+
+    def accelerations(self) -> Array:
+        """Accelerations of all coordinates at the start (nv,), with exact loops and drives."""
+        terms = self.terms.terms(self.qpos, self.qvel, self.controls[:, 0])
+        nv, dofs = self.model.nv, self.model.jnt_dofadr[list(self.driven)]
+        drives = np.eye(nv)[dofs]
+        rows = np.vstack([terms.jacobian, drives])
+        wanted = self.run.motion(self.run.x[:1])[2][:, 0]
+        needed = np.concatenate([terms.drift, wanted])
+        matrix = np.block([[terms.mass, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+        right = np.concatenate([terms.force - terms.bias, needed])
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-13)[0][:nv])
+
+    def shift_rates(self, back: float) -> None:
+        """Replace the rates of the start by those of a time `back` before it [s]."""
+        self.data.qvel[:] = self.qvel = self.qvel - back * self.accelerations()
+        mujoco.mj_fwdVelocity(self.model, self.data)
+
+    def mechanism(self, rates_at: float = 0.0, forces: bool = True) -> Mechanism:
+        """The mechanism of the run.
+
+        Parameters
+        ----------
+        rates_at : float
+            Time of the rates at the start: 0, or some time before it [s].
+        forces : bool
+            Whether the mechanism has loads and the forces of actuators; an engine that reads the
+            MJCF itself needs none.
+        """
+        if rates_at:
+            self.shift_rates(-rates_at)
+        try:
+            found = find_plane(self.model, self.data)
+            plane = np.stack([found.e1, found.e2, found.normal])
+        except Unsupported:
+            plane = np.zeros((0, 3))
+        return Mechanism(
+            tuple(self.links()),
+            tuple(self.joints(forces)),
+            tuple(self.loops()),
+            tuple(self.gears() if forces else ()),
+            tuple(self.springs()),
+            tuple(self.loads() if forces else ()),
+            tuple(self.drives()),
+            self.model.opt.gravity.copy(),
+            plane,
+            float(self.model.stat.extent),
+            self.step,
+            self.count,
+            self.run.x.size,
+            rates_at,
+        )
+
+
+def read_mechanism(
+    path: Path,
+    run: Run,
+    support: Support = SUPPORT,
+    timestep: float | None = None,
+    contacts: bool = False,
+) -> NeutralReader:
+    """Read the model of an MJCF file for a run in time, in the state of its start.
+
+    Parameters
+    ----------
+    path : Path
+    run : Run
+    support : mapping
+        What the engine has of the features of a model, such as `support_without` some.
+    timestep : float, optional
+        Longest time step [s]; that of the model, if not given.
+    contacts : bool
+        Whether the engine has contacts.
+
+    Raises
+    ------
+    BadModel
+        The model does not compile, or is not assembled in its start pose.
+    Unsupported
+        It has a feature that the engine or a neutral mechanism has not; or the run is not in time.
+    """
+    if run.kind != "dynamics":
+        raise Unsupported(f"{run.kind}: the engine is stepped in time only")
+    model = compile_model(path, run.rods)
+    driven = tuple(joint_number(model, drive.joint) for drive in run.drives)
+    kind = RunKind.DRIVEN_MOTION if driven else RunKind.FREE_MOTION
+    if refused := examine(read_compiled(model), support, kind, driven)[0]:
+        raise Unsupported(f"{'; '.join(refused)} in {kind.in_words}")
+    if may_touch(model) and not contacts:
+        raise Unsupported("contacts of geoms that may touch")
+    if (opening := loop_opening(model, run.start)) > MAX_KEY_VIOLATION * model.stat.extent:
+        hint = radian_hint(model, run.start)
+        raise BadModel(
+            f"start pose of key {run.start!r} is not assembled: a loop is open by "
+            f"{opening:.3g} m{hint}"
+        )
+    return NeutralReader(model, run, timestep or float(model.opt.timestep))
+
+
+def joint_number(model: mujoco.MjModel, name: str) -> int:
+    """The number of a joint.
+
+    Raises
+    ------
+    BadModel
+        There is no such joint.
+    """
+    found = mujoco.mj_name2id(model, OBJ.mjOBJ_JOINT, name)
+    if found < 0:
+        there = ", ".join(model.joint(j).name for j in range(model.njnt))
+        raise BadModel(f"no <joint> named {name!r}; there are: {there}")
+    return int(found)

@@ -1,0 +1,298 @@
+"""Curves of all channels from the states of the links of a mechanism at the samples."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from proofmass.analytic.numerics import unwrap_quaternions
+from proofmass.base.arrays import Array
+from proofmass.sim.contents import format_parts, sensor_names, sensor_parts, straight_tendon
+from proofmass.sim.interpreter.mechanism import Mechanism, States
+from proofmass.sim.neutral import NeutralReader
+from proofmass.sim.protocol.curves import Curves, split_channel
+from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
+
+S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
+MAX_OPENING_SHARE = 0.1
+"""Opening of a loop or a joint, as a share of the size, beyond which a run has failed."""
+RANGE_ROUNDING = 1e-6
+"""Distance by which a joint may pass the end of its range [rad or m], since it may end on it."""
+POINT_SENSORS = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2}
+AXIS_SENSORS = {S.mjSENS_FRAMEXAXIS: 0, S.mjSENS_FRAMEYAXIS: 1, S.mjSENS_FRAMEZAXIS: 2}
+JOINT_SENSORS = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1}
+Motion = tuple[Array, Array, Array]
+"""Values, rates and accelerations along a run."""
+
+
+@dataclass(frozen=True)
+class StateCurves:
+    """The channels of a run from the states of its links.
+
+    Attributes
+    ----------
+    reader : NeutralReader
+        The model in its start, and the run.
+    mechanism : Mechanism
+    states : States
+        Of n samples.
+    """
+
+    reader: NeutralReader
+    mechanism: Mechanism
+    states: States
+
+    def point(self, link: int, at: Array) -> Motion:
+        """Position, velocity and acceleration (n, 3) of a point, given in the start pose."""
+        s = self.states
+        arm = s.turn[:, link] @ (at - self.mechanism.links[link].centre)
+        omega, alpha = s.omega[:, link], s.alpha[:, link]
+        return (
+            s.place[:, link] + arm,
+            s.velocity[:, link] + np.cross(omega, arm),
+            s.acceleration[:, link] + np.cross(alpha, arm) + np.cross(omega, np.cross(omega, arm)),
+        )
+
+    def joint(self, j: int) -> Motion:
+        """Coordinate, rate and acceleration (n,) of a hinge or slide."""
+        one, s = self.mechanism.joints[j], self.states
+        if s.coordinates.size and np.isfinite(s.coordinates[:2, :, j]).all():
+            value, rate, acceleration = s.coordinates[:, :, j]
+            return value, rate, acceleration
+        a, b = one.parent, one.child
+        axis = s.turn[:, a] @ one.axis
+        if one.kind == "hinge":
+            turn = np.swapaxes(s.turn[:, a], -1, -2) @ s.turn[:, b]
+            skew = turn - np.swapaxes(turn, -1, -2)
+            sine = 0.5 * np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], -1) @ one.axis
+            cosine = 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0)
+            relative = s.omega[:, b] - s.omega[:, a], s.alpha[:, b] - s.alpha[:, a]
+            value = one.value + np.unwrap(np.arctan2(sine, cosine))
+            return value, (relative[0] * axis).sum(-1), (relative[1] * axis).sum(-1)
+        far, near = self.point(b, one.anchor), self.point(a, one.anchor)
+        gap, speed, change = (p - q for p, q in zip(far, near, strict=True))
+        omega, alpha = s.omega[:, a], s.alpha[:, a]
+        turning = np.cross(omega, axis)
+        second = np.cross(alpha, axis) + np.cross(omega, turning)
+        return (
+            one.value + (gap * axis).sum(-1),
+            (speed * axis + gap * turning).sum(-1),
+            (change * axis + 2.0 * speed * turning + gap * second).sum(-1),
+        )
+
+    @cached_property
+    def openings(self) -> Array:
+        """Largest distance (n,) of two points that a loop, a hinge or a ball joins [m]."""
+        found = np.zeros(len(self.states.place))
+        pairs = [(one.a, one.on_a, one.b, one.on_b) for one in self.mechanism.loops]
+        pairs += [
+            (one.parent, one.anchor, one.child, one.anchor)
+            for one in self.mechanism.joints
+            if one.kind in ("hinge", "ball") and len(self.mechanism.joints_of(one.child)) == 1
+        ]
+        for a, on_a, b, on_b in pairs:
+            gap = self.point(a, on_a)[0] - self.point(b, on_b)[0]
+            found = np.maximum(found, np.linalg.norm(gap, axis=-1))
+        return found
+
+    def curves(self, settings: dict[str, object], asked_step: float) -> Curves:
+        """All channels of the run, with the actual motion of the drives.
+
+        Raises
+        ------
+        BadModel
+            A channel names no sensor, or a part that it has not.
+        Unsupported
+            A joint passes the end of its range.
+        Diverged
+            The states end early, or a loop or joint is open.
+        """
+        run, mechanism, n = self.reader.run, self.mechanism, len(self.states.place)
+        channels, missing = dict[str, Array](), dict[str, str]()
+        with np.errstate(all="ignore"):
+            for name in run.channels:
+                found = self.channel(name)
+                if isinstance(found, str):
+                    missing[name] = found
+                elif np.isnan(found).all():
+                    missing[name] = "the engine has no accelerations"
+                else:
+                    channels[name] = found
+        drive = None
+        if mechanism.drives and n:
+            motions = [self.joint(one.joint) for one in mechanism.drives]
+            drive = tuple(np.array(part) for part in zip(*motions, strict=True))
+        self.refuse_ends_of_ranges()
+        open_ = ~(self.openings <= MAX_OPENING_SHARE * mechanism.size)
+        good = int(np.argmax(open_)) if open_.any() else n
+        curves = Curves(
+            run.x[:n],
+            channels,
+            missing,
+            drive=drive,  # type: ignore[arg-type]
+            violation=float(self.openings.max(initial=0.0)),
+            seconds=self.states.seconds,
+            steps=mechanism.steps,
+            settings={"timestep": mechanism.step, **settings},
+            violations=self.openings,
+            notes=self.states.notes,
+            asked_step=asked_step,
+        )
+        if good < run.x.size:
+            why = self.states.failed or "the run ended early"
+            if good < n:
+                why = f"a loop or joint came open by {self.openings[good]:.3g} m"
+            when = run.x[good]
+            raise Diverged(f"{why} (t = {when:.4g} s)", curves.first(good) if good else None)
+        return curves
+
+    def refuse_ends_of_ranges(self) -> None:
+        """Raise `Unsupported` if a joint passes the end of its range, where it has no stop."""
+        model = self.reader.model
+        for j in np.flatnonzero(model.jnt_limited).tolist():
+            if self.mechanism.joints[j].kind not in ("hinge", "slide") or j in self.reader.driven:
+                continue
+            value, (low, high) = self.joint(j)[0], model.jnt_range[j]
+            if (value < low - RANGE_ROUNDING).any() or (value > high + RANGE_ROUNDING).any():
+                raise Unsupported(f"joint {model.joint(j).name!r} reaches the end of its range")
+
+    def channel(self, name: str) -> Array | str:
+        """The curve (n,) of a channel, or why there is none."""
+        model = self.reader.model
+        names = sensor_names(model)
+        sensor, part = split_channel(name, names)
+        if sensor not in names:
+            raise BadModel(
+                f"no sensor {sensor!r} for channel {name!r}; there are: {', '.join(names)}"
+            )
+        s = names.index(sensor)
+        kind = S(int(model.sensor_type[s]))
+        angle = ("angle",) if kind == S.mjSENS_FRAMEXAXIS else ()
+        if part not in (*sensor_parts(model, s), *angle):
+            raise BadModel(f"no channel {name!r}; use {format_parts(model, s)}")
+        if model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:
+            return "a sensor with a reference frame is not evaluated from states"
+        for read in self.readers:
+            if (found := read(self, s, kind, part)) is not None:
+                return found
+        return f"{kind.name[7:].lower()} is not evaluated from the states of links"
+
+    def joint_channel(self, s: int, kind: mujoco.mjtSensor, part: str) -> Array | None:
+        """The curve of a joint's coordinate, rate or acceleration, or of a ball's rate."""
+        model, obj = self.reader.model, int(self.reader.model.sensor_objid[s])
+        if kind in JOINT_SENSORS:
+            return self.joint(obj)[JOINT_SENSORS[kind]]
+        if kind == S.mjSENS_USER and model.sensor_objtype[s] == OBJ.mjOBJ_JOINT:
+            return self.joint(obj)[2]
+        if kind != S.mjSENS_BALLANGVEL:
+            return None
+        one = self.mechanism.joints[obj]
+        relative = self.states.omega[:, one.child] - self.states.omega[:, one.parent]
+        body = int(model.jnt_bodyid[obj])
+        return self.in_frame(one.child, self.reader.data.xmat[body], relative)[:, "xyz".index(part)]
+
+    def in_frame(self, link: int, axes: Array, vectors: Array) -> Array:
+        """Components of vectors (n, 3) along axes (9,) that are fixed in a link."""
+        turn = self.states.turn[:, link] @ axes.reshape(3, 3)
+        return np.asarray(np.einsum("nji,nj->ni", turn, vectors))
+
+    def tendon_channel(self, s: int, kind: mujoco.mjtSensor, part: str) -> Array | None:
+        """The curve of the length of a straight tendon, or of its rate."""
+        model, data = self.reader.model, self.reader.data
+        if kind not in (S.mjSENS_TENDONPOS, S.mjSENS_TENDONVEL):
+            return None
+        sites = straight_tendon(model, int(model.sensor_objid[s]))
+        if sites is None:
+            return None
+        one, two = (
+            self.point(int(self.reader.link_of[model.site_bodyid[k]]), data.site_xpos[k])
+            for k in sites
+        )
+        gap, rate = two[0] - one[0], two[1] - one[1]
+        length = np.linalg.norm(gap, axis=-1)
+        return length if kind == S.mjSENS_TENDONPOS else (gap * rate).sum(-1) / length
+
+    def energy_channel(self, s: int, kind: mujoco.mjtSensor, part: str) -> Array | None:
+        """MuJoCo's kinetic or potential energy [J]."""
+        if kind == S.mjSENS_E_KINETIC:
+            return self.kinetic_energy()
+        return self.potential_energy() if kind == S.mjSENS_E_POTENTIAL else None
+
+    def kinetic_energy(self) -> Array:
+        """Kinetic energy of links and armatures [J]."""
+        s, total = self.states, np.zeros(len(self.states.place))
+        for k, link in enumerate(self.mechanism.links):
+            spin = np.einsum("nji,nj->ni", s.turn[:, k], s.omega[:, k])
+            total += 0.5 * link.mass * (s.velocity[:, k] ** 2).sum(-1)
+            total += 0.5 * np.einsum("ni,ij,nj->n", spin, link.inertia, spin)
+        for j, one in enumerate(self.mechanism.joints):
+            if one.armature:
+                total += 0.5 * one.armature * self.joint(j)[1] ** 2
+        return total
+
+    def potential_energy(self) -> Array:
+        """Potential energy of weight and springs, without that of servos [J]."""
+        model, total = self.reader.model, np.zeros(len(self.states.place))
+        for k, link in enumerate(self.mechanism.links):
+            total -= link.mass * self.states.place[:, k] @ self.mechanism.gravity
+        for j, one in enumerate(self.mechanism.joints):
+            k, (a, b) = model.jnt_stiffness[j], model.jnt_stiffnesspoly[j]
+            if k or a or b:
+                x = self.joint(j)[0] - one.rest
+                total += x**2 * (k / 2 + x * (a / 3 + x * b / 4))
+        for spring in self.mechanism.springs:
+            gap = self.point(spring.b, spring.on_b)[0] - self.point(spring.a, spring.on_a)[0]
+            length = np.linalg.norm(gap, axis=-1)
+            total += 0.5 * spring.stiffness * (length - np.clip(length, *spring.slack)) ** 2
+        return total
+
+    def frame_channel(self, s: int, kind: mujoco.mjtSensor, part: str) -> Array | None:
+        """The curve of a position, a direction, a quaternion or a rate of a frame."""
+        model, data, obj = self.reader.model, self.reader.data, self.reader.model.sensor_objid[s]
+        frames = {
+            OBJ.mjOBJ_SITE: (model.site_bodyid, data.site_xpos, data.site_xmat),
+            OBJ.mjOBJ_GEOM: (model.geom_bodyid, data.geom_xpos, data.geom_xmat),
+            OBJ.mjOBJ_BODY: (np.arange(model.nbody), data.xipos, data.ximat),
+            OBJ.mjOBJ_XBODY: (np.arange(model.nbody), data.xpos, data.xmat),
+        }
+        found = frames.get(OBJ(int(model.sensor_objtype[s])))
+        if found is None:
+            return None
+        bodies, places, axes = found
+        link, at, own = int(self.reader.link_of[bodies[obj]]), places[obj], axes[obj]
+        if kind in POINT_SENSORS:
+            return self.point(link, at)[POINT_SENSORS[kind]][:, "xyz".index(part)]
+        if kind in AXIS_SENSORS:
+            return self.direction(link, own.reshape(3, 3)[:, AXIS_SENSORS[kind]], part)
+        if kind == S.mjSENS_FRAMEQUAT:
+            turn = self.states.turn[:, link] @ own.reshape(3, 3)
+            quaternions = Rotation.from_matrix(turn).as_quat(scalar_first=True)
+            start = np.empty(4)
+            mujoco.mju_mat2Quat(start, own)
+            quaternions *= np.sign(quaternions[0] @ start) or 1.0
+            return unwrap_quaternions(quaternions)[:, "wxyz".index(part)]
+        if kind == S.mjSENS_GYRO:
+            return self.in_frame(link, own, self.states.omega[:, link])[:, "xyz".index(part)]
+        if kind == S.mjSENS_VELOCIMETER:
+            return self.in_frame(link, own, self.point(link, at)[1])[:, "xyz".index(part)]
+        if kind == S.mjSENS_FRAMEANGVEL:
+            return self.states.omega[:, link, "xyz".index(part)]
+        if kind == S.mjSENS_FRAMEANGACC:
+            return self.states.alpha[:, link, "xyz".index(part)]
+        return None
+
+    def direction(self, link: int, axis: Array, part: str) -> Array:
+        """A component, or the angle in the plane, of a direction that is fixed in a link."""
+        world = self.states.turn[:, link] @ axis
+        if part != "angle":
+            return np.asarray(world[:, "xyz".index(part)])
+        x, y = (world @ self.mechanism.plane[:2].T).T
+        return np.unwrap(np.arctan2(y, x))
+
+    readers = (joint_channel, tendon_channel, energy_channel, frame_channel)
+
+
+Read = Callable[[StateCurves, int, mujoco.mjtSensor, str], Array | None]
