@@ -46,14 +46,14 @@ from proofmass.sim.contents import (
     straight_tendon,
 )
 from proofmass.sim.interpreter.mechanism import (
-    Drive,
-    Gear,
-    Joint,
-    Link,
-    Load,
-    Mechanism,
-    PointLoop,
-    PointSpring,
+    DriveRows,
+    NeutralGear,
+    NeutralJoint,
+    NeutralLink,
+    NeutralLoad,
+    NeutralLoop,
+    NeutralMechanism,
+    NeutralSpring,
 )
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.plane import find_plane
@@ -188,7 +188,7 @@ class NeutralReader:
         ctrl[places] = self.run.controls(times)[0]
         return ctrl
 
-    def links(self) -> Iterator[Link]:
+    def links(self) -> Iterator[NeutralLink]:
         """The links in their state at the start."""
         model, data, rate = self.model, self.data, np.zeros(6)
         for k, head in enumerate(self.heads):
@@ -206,9 +206,9 @@ class NeutralReader:
             velocity = rate[3:] + np.cross(omega, centre - data.xpos[head])
             if not k:
                 centre = np.zeros(3)
-            yield Link(model.body(head).name, mass, inertia, centre, velocity, omega, head)
+            yield NeutralLink(model.body(head).name, mass, inertia, centre, velocity, omega, head)
 
-    def joints(self, forces: bool = True) -> Iterator[Joint]:
+    def joints(self, forces: bool = True) -> Iterator[NeutralJoint]:
         """The joints, whose servos are springs and dampers; or their geometry alone."""
         model, data = self.model, self.data
         for j in range(model.njnt):
@@ -226,7 +226,7 @@ class NeutralReader:
                 stiffness, more, force = self.actuation(j, rest)
                 spring[0] += stiffness
                 damping += more
-            yield Joint(
+            yield NeutralJoint(
                 model.joint(j).name,
                 kind,
                 int(self.link_of[model.body_parentid[self.heads[self.link_of[body]]]]),
@@ -274,15 +274,15 @@ class NeutralReader:
             force = np.clip(force, *model.actuator_forcerange[a])
         return np.asarray(force)
 
-    def loops(self) -> Iterator[PointLoop]:
+    def loops(self) -> Iterator[NeutralLoop]:
         """The ``connect`` equalities."""
         for i in active_connects(self.model):
             one, two = anchor_bodies(self.model, i)
             p, q = anchors(self.model, i, pose_of(self.data))
             name = equality_name(self.model, i)
-            yield PointLoop(name, int(self.link_of[one]), int(self.link_of[two]), p + 0, q + 0)
+            yield NeutralLoop(name, int(self.link_of[one]), int(self.link_of[two]), p + 0, q + 0)
 
-    def gears(self) -> Iterator[Gear]:
+    def gears(self) -> Iterator[NeutralGear]:
         """The linear ``joint`` equalities of two joints."""
         model = self.model
         for e in np.flatnonzero(model.eq_active0 & (model.eq_type == EQ.mjEQ_JOINT)).tolist():
@@ -290,9 +290,9 @@ class NeutralReader:
             zeros = model.qpos0[model.jnt_qposadr[[one, two]]]
             level, ratio = model.eq_data[e, :2].tolist()
             level = float(zeros[0] + level - ratio * zeros[1])
-            yield Gear(equality_name(model, e), one, two, ratio, level)
+            yield NeutralGear(equality_name(model, e), one, two, ratio, level)
 
-    def springs(self) -> Iterator[PointSpring]:
+    def springs(self) -> Iterator[NeutralSpring]:
         """The tendons with stiffness or damping, straight from site to site."""
         model, data = self.model, self.data
         for t in range(model.ntendon):
@@ -305,9 +305,9 @@ class NeutralReader:
             on_a, on_b = (data.site_xpos[s].copy() for s in sites)
             slack = (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1]))
             name = model.tendon(t).name
-            yield PointSpring(name, a, b, on_a, on_b, stiffness, damping, slack)
+            yield NeutralSpring(name, a, b, on_a, on_b, stiffness, damping, slack)
 
-    def loads(self) -> Iterator[Load]:
+    def loads(self) -> Iterator[NeutralLoad]:
         """The loads of actuators on sites and the constant loads of rods."""
         model, data = self.model, self.data
         for a in range(model.nactuator):
@@ -318,12 +318,14 @@ class NeutralReader:
                 turn = data.site_xmat[site if frame < 0 else frame].reshape(3, 3)
                 force, moment = gear_of(model, a).reshape(2, 3) @ turn.T
                 share, at = self.actuator_force(a), data.site_xpos[site].copy()
-                yield Load(link, at, force, moment, frame < 0, share)
+                yield NeutralLoad(link, at, force, moment, frame < 0, share)
         for body, force in dead_loads(model, self.run.rods):
             if link := int(self.link_of[body]):
-                yield Load(link, data.xipos[body].copy(), force, np.zeros(3), False, np.ones(1))
+                yield NeutralLoad(
+                    link, data.xipos[body].copy(), force, np.zeros(3), False, np.ones(1)
+                )
 
-    def drives(self) -> Iterator[Drive]:
+    def drives(self) -> Iterator[DriveRows]:
         """The motion of each drive at all half steps; it goes on evenly behind the last sample."""
         times, end = self.half_steps, self.run.x[-1]
         value, rate, acceleration = self.run.motion(np.minimum(times, end))
@@ -331,7 +333,7 @@ class NeutralReader:
         value = value + late * (rate + 0.5 * late * acceleration)
         rate = rate + late * acceleration
         for j, *motion in zip(self.driven, value, rate, acceleration, strict=True):
-            yield Drive(j, *motion)
+            yield DriveRows(j, *motion)
 
     def accelerations(self) -> Array:
         """Accelerations of all coordinates at the start (nv,), with exact loops and drives."""
@@ -350,7 +352,7 @@ class NeutralReader:
         self.data.qvel[:] = self.qvel = self.qvel - back * self.accelerations()
         mujoco.mj_fwdVelocity(self.model, self.data)
 
-    def mechanism(self, rates_at: float = 0.0, forces: bool = True) -> Mechanism:
+    def mechanism(self, rates_at: float = 0.0, forces: bool = True) -> NeutralMechanism:
         """The mechanism of the run.
 
         Parameters
@@ -368,7 +370,7 @@ class NeutralReader:
             plane = np.stack([found.e1, found.e2, found.normal])
         except Unsupported:
             plane = np.zeros((0, 3))
-        return Mechanism(
+        return NeutralMechanism(
             tuple(self.links()),
             tuple(self.joints(forces)),
             tuple(self.loops()),

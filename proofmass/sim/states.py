@@ -1,6 +1,5 @@
 """Curves of all channels from the states of the links of a mechanism at the samples."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from proofmass.analytic.numerics import unwrap_quaternions
 from proofmass.base.arrays import Array
 from proofmass.sim.contents import format_parts, sensor_names, sensor_parts, straight_tendon
-from proofmass.sim.interpreter.mechanism import Mechanism, States
+from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
 from proofmass.sim.neutral import NeutralReader
 from proofmass.sim.protocol.curves import Curves, split_channel
 from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
@@ -24,7 +23,7 @@ RANGE_ROUNDING = 1e-6
 POINT_SENSORS = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2}
 AXIS_SENSORS = {S.mjSENS_FRAMEXAXIS: 0, S.mjSENS_FRAMEYAXIS: 1, S.mjSENS_FRAMEZAXIS: 2}
 JOINT_SENSORS = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1}
-Motion = tuple[Array, Array, Array]
+JointMotion = tuple[Array, Array, Array]
 """Values, rates and accelerations along a run."""
 
 
@@ -36,16 +35,16 @@ class StateCurves:
     ----------
     reader : NeutralReader
         The model in its start, and the run.
-    mechanism : Mechanism
-    states : States
+    mechanism : NeutralMechanism
+    states : LinkStates
         Of n samples.
     """
 
     reader: NeutralReader
-    mechanism: Mechanism
-    states: States
+    mechanism: NeutralMechanism
+    states: LinkStates
 
-    def point(self, link: int, at: Array) -> Motion:
+    def point(self, link: int, at: Array) -> JointMotion:
         """Position, velocity and acceleration (n, 3) of a point, given in the start pose."""
         s = self.states
         arm = s.turn[:, link] @ (at - self.mechanism.links[link].centre)
@@ -56,7 +55,7 @@ class StateCurves:
             s.acceleration[:, link] + np.cross(alpha, arm) + np.cross(omega, np.cross(omega, arm)),
         )
 
-    def joint(self, j: int) -> Motion:
+    def joint(self, j: int) -> JointMotion:
         """Coordinate, rate and acceleration (n,) of a hinge or slide."""
         one, s = self.mechanism.joints[j], self.states
         if s.coordinates.size and np.isfinite(s.coordinates[:2, :, j]).all():
@@ -293,6 +292,3 @@ class StateCurves:
         return np.unwrap(np.arctan2(y, x))
 
     readers = (joint_channel, tendon_channel, energy_channel, frame_channel)
-
-
-Read = Callable[[StateCurves, int, mujoco.mjtSensor, str], Array | None]

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from proofmass.base.strict import StrictNumber, Switch
 from proofmass.sim.hosts.process import host_of, provide
-from proofmass.sim.interpreter.mechanism import Mechanism, States
+from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
 from proofmass.sim.neutral import NeutralReader, read_mechanism, support_without
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol.curves import Curves
@@ -155,7 +155,9 @@ class HostedEngine(Engine):
         shown = {key: value for key, value in used.items() if value not in (False, "")}
         return self.curves(reader, mechanism, states, shown, host.versions)
 
-    def read(self, model: Path, run: Run, own: EngineSettings) -> tuple[NeutralReader, Mechanism]:
+    def read(
+        self, model: Path, run: Run, own: EngineSettings
+    ) -> tuple[NeutralReader, NeutralMechanism]:
         """The model in its start, and the mechanism that the engine gets."""
         defaults = getattr(own, "defaults", False)
         asks = "timestep" in own.model_fields_set or defaults
@@ -169,8 +171,8 @@ class HostedEngine(Engine):
     def curves(
         self,
         reader: NeutralReader,
-        mechanism: Mechanism,
-        states: States,
+        mechanism: NeutralMechanism,
+        states: LinkStates,
         settings: dict[str, object],
         versions: dict[str, str],
     ) -> Curves:

@@ -35,11 +35,11 @@ from proofmass.base.worker import (
 )
 from proofmass.sim import interpreter
 from proofmass.sim.interpreter import wire
-from proofmass.sim.interpreter.mechanism import Mechanism, States
+from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
 from proofmass.sim.protocol.failures import Unavailable, Unsupported
 
 SERVE = Path(interpreter.__file__).parent / "serve.py"
-KEPT_CHARACTERS = 240
+SAID_CHARACTERS = 240
 """Characters that are kept of what an interpreter wrote before it died."""
 ENDED_BY_SIGNAL = 128
 """uv ends with this number plus that of the signal which ended the interpreter."""
@@ -99,10 +99,10 @@ def explain_uv(text: str, requires: Sequence[str]) -> str:
     words = " ".join(re.sub(r"[╰╭│─▶×]|-->|├|└", " ", text).split())
     named = ", ".join(requires)
     if "no wheels with a matching" in words or "no wheels are available" in words:
-        return f"{named} has no wheel for this Python or system: {words[:KEPT_CHARACTERS]}"
+        return f"{named} has no wheel for this Python or system: {words[:SAID_CHARACTERS]}"
     if "no version of" in words or "was not found in the package registry" in words:
-        return f"{named} is not in the package index: {words[:KEPT_CHARACTERS]}"
-    return f"{named} cannot be had: {words[:KEPT_CHARACTERS] or 'uv does not say why'}"
+        return f"{named} is not in the package index: {words[:SAID_CHARACTERS]}"
+    return f"{named} cannot be had: {words[:SAID_CHARACTERS] or 'uv does not say why'}"
 
 
 class Host:
@@ -154,7 +154,7 @@ class Host:
         """Whether the interpreter waits for a request."""
         return self.process.poll() is None
 
-    def run(self, mechanism: Mechanism, settings: dict[str, object]) -> States:
+    def run(self, mechanism: NeutralMechanism, settings: dict[str, object]) -> LinkStates:
         """The states of a run.
 
         Raises
@@ -181,7 +181,7 @@ class Host:
         if "error" in answer:
             raise Crashed(answer["error"])
         self.versions = answer["versions"]
-        return cast(States, answer["states"])
+        return cast(LinkStates, answer["states"])
 
     def receive(self, seconds: float = 0.0) -> Any:
         """The next message; raises what `death` makes if there is none."""
@@ -204,7 +204,7 @@ class Host:
     def said(self) -> str:
         """The end of what the interpreter wrote to standard error."""
         self.errors.seek(0)
-        return self.errors.read().decode(errors="replace")[-KEPT_CHARACTERS:]
+        return self.errors.read().decode(errors="replace")[-SAID_CHARACTERS:]
 
     def close(self) -> None:
         """End the interpreter: it ends when its standard input closes."""

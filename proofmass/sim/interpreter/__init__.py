@@ -2,24 +2,24 @@
 
 It needs Python 3.9 and NumPy, and imports nothing of proofmass.  A script of an engine has::
 
-    from proofmass_host import Mechanism, Refused, States, record
+    from proofmass_host import NeutralMechanism, Refused, LinkStates, record
 
     VERSIONS = {"engine": "1.2.3"}          # what computes, by the names of the packages
 
-    def simulate(mechanism: Mechanism, settings: dict) -> States: ...
+    def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates: ...
 """
 
 from .mechanism import (
-    Drive,
-    Gear,
-    Joint,
-    Link,
-    Load,
-    Mechanism,
+    DriveRows,
+    LinkStates,
     Mjcf,
-    PointLoop,
-    PointSpring,
-    States,
+    NeutralGear,
+    NeutralJoint,
+    NeutralLink,
+    NeutralLoad,
+    NeutralLoop,
+    NeutralMechanism,
+    NeutralSpring,
 )
 from .record import (
     Refused,
@@ -32,17 +32,17 @@ from .record import (
 )
 
 __all__ = [
-    "Drive",
-    "Gear",
-    "Joint",
-    "Link",
-    "Load",
-    "Mechanism",
+    "DriveRows",
+    "LinkStates",
     "Mjcf",
-    "PointLoop",
-    "PointSpring",
+    "NeutralGear",
+    "NeutralJoint",
+    "NeutralLink",
+    "NeutralLoad",
+    "NeutralLoop",
+    "NeutralMechanism",
+    "NeutralSpring",
     "Refused",
-    "States",
     "Stopwatch",
     "frame_of_axis",
     "in_space",

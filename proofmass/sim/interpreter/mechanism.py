@@ -2,7 +2,7 @@
 
 All points and directions are those of the world in the start pose.  The frame of a link is at its
 centre of mass and has the axes of the world in the start pose, so that at the start every rotation
-is the identity, every relative rotation of a joint is 0, and its coordinate is `Joint.value`::
+is the identity, that of a joint included, whose coordinate is then `NeutralJoint.value`::
 
        y            anchor o---- axis            centre c,  place = c(t)
        |   link  .-''                            point p:   place + turn @ (p - centre)
@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-Array = np.ndarray
+PlainArray = np.ndarray
 
 
 @dataclass(frozen=True)
-class Link:
+class NeutralLink:
     """A rigid body in its state at the start.
 
     Attributes
@@ -37,22 +37,22 @@ class Link:
         Centre of mass [m].
     velocity, omega : ndarray (3,)
         Velocity of the centre [m/s] and angular velocity [rad/s], at the time
-        `Mechanism.rates_at`.
+        `NeutralMechanism.rates_at`.
     body : int
         Its number in the MJCF.
     """
 
     name: str
     mass: float
-    inertia: Array
-    centre: Array
-    velocity: Array
-    omega: Array
+    inertia: PlainArray
+    centre: PlainArray
+    velocity: PlainArray
+    omega: PlainArray
     body: int
 
 
 @dataclass(frozen=True)
-class Joint:
+class NeutralJoint:
     """A joint of two links.
 
     The spring has the force or moment ``-(k x + a x^2 + b x^3)`` on the child, with the reaction on
@@ -69,7 +69,7 @@ class Joint:
         A point of the joint [m], and its direction [1], which both links have at the start.
     value, rate : float
         Coordinate and rate at the start [rad or m, per s]; 0 for balls and free joints.  The rate
-        is that at the time `Mechanism.rates_at`.
+        is that at the time `NeutralMechanism.rates_at`.
     spring : ndarray (3,)
         k, a, b [N m/rad or N/m, and per further rad or m].
     rest : float
@@ -87,15 +87,15 @@ class Joint:
     kind: str
     parent: int
     child: int
-    anchor: Array
-    axis: Array
+    anchor: PlainArray
+    axis: PlainArray
     value: float
     rate: float
-    spring: Array
+    spring: PlainArray
     rest: float
     damping: float
     armature: float
-    force: Array
+    force: PlainArray
 
     @property
     def is_sprung(self) -> bool:
@@ -119,18 +119,18 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class PointLoop:
+class NeutralLoop:
     """A loop that joins a point of link `a` with a point of link `b`, `on_a` and `on_b` [m]."""
 
     name: str
     a: int
     b: int
-    on_a: Array
-    on_b: Array
+    on_a: PlainArray
+    on_b: PlainArray
 
 
 @dataclass(frozen=True)
-class Gear:
+class NeutralGear:
     """A gear: the coordinate of joint `one` is ``level + ratio`` times that of joint `two`."""
 
     name: str
@@ -141,7 +141,7 @@ class Gear:
 
 
 @dataclass(frozen=True)
-class PointSpring:
+class NeutralSpring:
     """A spring and a damper between points of two links.
 
     It pulls with ``stiffness (length - free)`` where it is longer than `slack` [1], pushes where it
@@ -151,8 +151,8 @@ class PointSpring:
     name: str
     a: int
     b: int
-    on_a: Array
-    on_b: Array
+    on_a: PlainArray
+    on_b: PlainArray
     stiffness: float
     damping: float
     slack: tuple
@@ -164,7 +164,7 @@ class PointSpring:
 
 
 @dataclass(frozen=True)
-class Load:
+class NeutralLoad:
     """A force and a moment on a link.
 
     Attributes
@@ -177,15 +177,15 @@ class Load:
     follows : bool
         Whether both turn with the link.
     share : ndarray (1,) or (2 steps + 1,)
-        Factor of both, as `Joint.force`.
+        Factor of both, as `NeutralJoint.force`.
     """
 
     link: int
-    at: Array
-    force: Array
-    moment: Array
+    at: PlainArray
+    force: PlainArray
+    moment: PlainArray
     follows: bool
-    share: Array
+    share: PlainArray
 
     def share_in(self, step: int) -> float:
         """The factor in the middle of a step [1]."""
@@ -193,7 +193,7 @@ class Load:
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveRows:
     """The prescribed motion of a joint: at the beginning and in the middle of each step.
 
     `value`, `rate` and `acceleration` are arrays (2 steps + 1,) [rad or m, per s, per s^2]; those
@@ -202,9 +202,9 @@ class Drive:
     """
 
     joint: int
-    value: Array
-    rate: Array
-    acceleration: Array
+    value: PlainArray
+    rate: PlainArray
+    acceleration: PlainArray
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ class Mjcf:
     instant : ndarray (steps + 1, drives)
         Torque on the flywheel at the beginning of each step.
     controls : ndarray (2 steps + 1, loads)
-        Controls that change, as `Joint.force`.
+        Controls that change, as `NeutralJoint.force`.
     changed : ndarray (loads,)
         Their indices in ``ctrl``.
     """
@@ -247,33 +247,33 @@ class Mjcf:
     arrays: dict
     options: dict
     words: dict
-    qpos: Array
-    qvel: Array
-    ctrl: Array
-    pushes: Array
-    dofs: Array
-    torque: Array
-    instant: Array
-    controls: Array
-    changed: Array
+    qpos: PlainArray
+    qvel: PlainArray
+    ctrl: PlainArray
+    pushes: PlainArray
+    dofs: PlainArray
+    torque: PlainArray
+    instant: PlainArray
+    controls: PlainArray
+    changed: PlainArray
 
 
 @dataclass(frozen=True)
-class Mechanism:
+class NeutralMechanism:
     """A mechanism, its state at the start, and the steps of a run.
 
     Attributes
     ----------
-    links : tuple of Link
+    links : tuple of NeutralLink
         The first one is the ground.
-    joints : tuple of Joint
+    joints : tuple of NeutralJoint
         A link has at most one joint, or several in a row that act one after the other.  The joints
         are in the order of the tree: the parent of a joint comes before its child.
-    loops : tuple of PointLoop
-    gears : tuple of Gear
-    springs : tuple of PointSpring
-    loads : tuple of Load
-    drives : tuple of Drive
+    loops : tuple of NeutralLoop
+    gears : tuple of NeutralGear
+    springs : tuple of NeutralSpring
+    loads : tuple of NeutralLoad
+    drives : tuple of DriveRows
     gravity : ndarray (3,)
         [m/s^2]
     plane : ndarray (3, 3)
@@ -300,8 +300,8 @@ class Mechanism:
     springs: tuple
     loads: tuple
     drives: tuple
-    gravity: Array
-    plane: Array
+    gravity: PlainArray
+    plane: PlainArray
     size: float
     step: float
     count: int
@@ -327,7 +327,7 @@ class Mechanism:
         """The drive of a joint, or None."""
         return next((one for one in self.drives if one.joint == joint), None)
 
-    def flat(self, vector: Array) -> Array:
+    def flat(self, vector: PlainArray) -> PlainArray:
         """Components of vectors (..., 3) in the plane (..., 2)."""
         return vector @ self.plane[:2].T
 
@@ -337,8 +337,8 @@ class Mechanism:
 
 
 @dataclass
-class States:
-    """States of all links at the samples, and what the run took.
+class LinkStates:
+    """LinkStates of all links at the samples, and what the run took.
 
     Attributes
     ----------
@@ -362,35 +362,35 @@ class States:
         Remarks on the run, a sentence each.
     """
 
-    place: Array
-    velocity: Array
-    omega: Array
-    turn: Array
-    acceleration: Array
-    alpha: Array
+    place: PlainArray
+    velocity: PlainArray
+    omega: PlainArray
+    turn: PlainArray
+    acceleration: PlainArray
+    alpha: PlainArray
     seconds: float = 0.0
     compiled: float = 0.0
     failed: str = ""
-    coordinates: Array = field(default_factory=lambda: np.zeros(0))
+    coordinates: PlainArray = field(default_factory=lambda: np.zeros(0))
     notes: tuple = ()
 
     @classmethod
-    def empty(cls, mechanism: Mechanism) -> States:
-        """States of all links at the start pose, at rest."""
+    def empty(cls, mechanism: NeutralMechanism) -> LinkStates:
+        """LinkStates of all links at the start pose, at rest."""
         n, links = mechanism.samples, mechanism.links
         place = np.tile(np.array([one.centre for one in links]), (n, 1, 1))
         none = np.zeros_like(place)
         turn = np.tile(np.eye(3), (n, len(links), 1, 1))
         return cls(place, none.copy(), none.copy(), turn, none.copy(), none.copy())
 
-    def first(self, count: int, failed: str) -> States:
+    def first(self, count: int, failed: str) -> LinkStates:
         """The states at the first `count` samples, with the reason why there are no more."""
         rows = {
             name: getattr(self, name)[:count]
             for name in ("place", "velocity", "omega", "turn", "acceleration", "alpha")
         }
         coordinates = self.coordinates[:, :count] if self.coordinates.size else self.coordinates
-        return States(
+        return LinkStates(
             **rows,
             seconds=self.seconds,
             compiled=self.compiled,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .mechanism import Array, Mechanism, States
+from .mechanism import LinkStates, NeutralMechanism, PlainArray
 
 LOST_SIZES = 1e3
 """Distance from the start, in sizes of the mechanism, beyond which a run is lost."""
@@ -29,35 +29,35 @@ class Stopwatch:
         self.seconds = time.process_time() - self.began
 
 
-Motion = tuple
+LinkMotion = tuple
 """Place (3,), rotation (3, 3), velocity (3,) and angular velocity (3,) of a link; engines with
 exact accelerations add the acceleration (3,) and the angular acceleration (3,)."""
 
 
 def record(
-    mechanism: Mechanism, step: Callable[[int], None], read: Callable[[int], Motion]
-) -> States:
+    mechanism: NeutralMechanism, step: Callable[[int], None], read: Callable[[int], LinkMotion]
+) -> LinkStates:
     """Step through a run, and record the states of all links at its samples.
 
     Where `read` gives no accelerations, those at a sample are the difference quotients of the
     velocity over the step that begins at it.  Where the rates of the start are those half a step
-    before it (`Mechanism.rates_at`), the velocity at a sample is the mean of those before and
-    behind it: the steps of a semi-implicit Euler method are then leapfrog steps, of second order.
+    before it, `NeutralMechanism.rates_at`, the velocity at a sample is the mean of those before
+    and behind it: steps of a semi-implicit Euler method are then leapfrog steps, of second order.
 
     Parameters
     ----------
-    mechanism : Mechanism
+    mechanism : NeutralMechanism
     step : callable
         ``step(i)`` makes step number i.
     read : callable
-        ``read(k)`` is the `Motion` of link number k, the ground excluded.
+        ``read(k)`` is the `LinkMotion` of link number k, the ground excluded.
 
     Returns
     -------
-    States
+    LinkStates
         They end before the first sample that is not finite or lost.
     """
-    states, links = States.empty(mechanism), range(1, len(mechanism.links))
+    states, links = LinkStates.empty(mechanism), range(1, len(mechanism.links))
     count, h, middle = mechanism.count, mechanism.step, mechanism.rates_at < 0
     number, watch = 0, Stopwatch()
     with watch, np.errstate(all="ignore"):
@@ -92,7 +92,7 @@ def record(
     return found
 
 
-def matrix_of(quaternion: Array) -> Array:
+def matrix_of(quaternion: PlainArray) -> PlainArray:
     """The rotation matrix (3, 3) of a quaternion (w, x, y, z).
 
     >>> matrix_of(np.array([1.0, 0.0, 0.0, 1.0])).round(12).tolist()
@@ -108,14 +108,14 @@ def matrix_of(quaternion: Array) -> Array:
     )
 
 
-def turn_about(axis: Array, angle: float) -> Array:
+def turn_about(axis: PlainArray, angle: float) -> PlainArray:
     """The rotation matrix (3, 3) about a unit axis by an angle [rad]."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
-def frame_of_axis(axis: Array) -> Array:
+def frame_of_axis(axis: PlainArray) -> PlainArray:
     """A rotation matrix (3, 3) whose third column is an axis."""
     z = np.asarray(axis, float) / np.linalg.norm(axis)
     x = np.eye(3)[int(np.argmin(np.abs(z)))]
@@ -124,7 +124,9 @@ def frame_of_axis(axis: Array) -> Array:
     return np.column_stack([x, np.cross(z, x), z])
 
 
-def in_space(mechanism: Mechanism, link: int, at: Array, angle: float, rates: Array) -> Motion:
+def in_space(
+    mechanism: NeutralMechanism, link: int, at: PlainArray, angle: float, rates: PlainArray
+) -> LinkMotion:
     """The motion of a link of a planar engine in the world.
 
     `at` is the centre in the plane (2,) [m], `angle` the rotation since the start [rad], and

@@ -7,7 +7,7 @@ closes, also in the middle of a run.
 A request has the mechanism, the settings, and limits of processor time [s] and memory [bytes].  An
 answer has one of
 
-    states      the `States` of the run, with the versions of what computed
+    states      the `LinkStates` of the run, with the versions of what computed
     refused     what the engine cannot express
     error       the type and the message of an exception of the engine
 """
@@ -45,7 +45,7 @@ def load_module(name: str, path: str, inside: Any = None) -> Any:
 
 
 def main() -> None:
-    """Load the engine, say that it is there, and answer requests."""
+    """NeutralLoad the engine, say that it is there, and answer requests."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     sys.stdout = os.fdopen(1, "w", buffering=1, closefd=False)

@@ -16,7 +16,7 @@ import numpy as np
 
 from . import mechanism
 
-SIZE_BYTES = 8
+LENGTH_BYTES = 8
 DATA_CLASSES = {
     name: one
     for name, one in vars(mechanism).items()
@@ -81,7 +81,7 @@ def unpack(body: bytes) -> Any:
 def send(stream: BinaryIO, message: Any) -> None:
     """Write a message to a stream."""
     body = pack(message)
-    stream.write(len(body).to_bytes(SIZE_BYTES, "little") + body)
+    stream.write(len(body).to_bytes(LENGTH_BYTES, "little") + body)
     stream.flush()
 
 
@@ -98,7 +98,7 @@ def receive(stream: BinaryIO) -> Any:
 
 def receive_body(stream: BinaryIO) -> bytes:
     """Read the body of a message from a stream, see `receive`."""
-    return _read(stream, int.from_bytes(_read(stream, SIZE_BYTES), "little"))
+    return _read(stream, int.from_bytes(_read(stream, LENGTH_BYTES), "little"))
 
 
 def _read(stream: BinaryIO, size: int) -> bytes:

@@ -17,7 +17,7 @@ import numpy as np
 
 from proofmass.sim.contents import control_indices
 from proofmass.sim.hosts.engine import About, HostedEngine
-from proofmass.sim.interpreter.mechanism import Mechanism, Mjcf
+from proofmass.sim.interpreter.mechanism import Mjcf, NeutralMechanism
 from proofmass.sim.mjcf import insert_includes, read_tree
 from proofmass.sim.mujoco.dynamics import initialize_dynamics
 from proofmass.sim.mujoco.linkage import Linkage
@@ -57,7 +57,9 @@ class HostedMujoco(HostedEngine):
         super().__init__(script, requires, title=title, about=about, settings=MujocoSettings)
         self.support = SUPPORT  # type: ignore[misc]
 
-    def read(self, model: Path, run: Run, own: EngineSettings) -> tuple[NeutralReader, Mechanism]:
+    def read(
+        self, model: Path, run: Run, own: EngineSettings
+    ) -> tuple[NeutralReader, NeutralMechanism]:
         """See `HostedEngine.read`; the mechanism has the text of the model."""
         if run.rods:
             raise Unsupported("rods of the sidecar, which are no part of the MJCF")

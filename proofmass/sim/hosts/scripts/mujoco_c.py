@@ -4,7 +4,7 @@ import os
 
 import mujoco
 import numpy as np
-from proofmass_host import Mechanism, Refused, States, Stopwatch
+from proofmass_host import LinkStates, NeutralMechanism, Refused, Stopwatch
 
 VERSIONS = {"mujoco": mujoco.__version__, "numpy": np.__version__}
 FATAL = ("mjWARN_INERTIA", "mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
@@ -52,7 +52,7 @@ def word(kind, name):
     return found
 
 
-def simulate(mechanism: Mechanism, settings: dict) -> States:
+def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     """Step as the product's own engine does, and read the links at the samples."""
     mjcf = mechanism.mjcf
     model, data = build(mjcf)
@@ -79,7 +79,7 @@ def simulate(mechanism: Mechanism, settings: dict) -> States:
 def states_of(mechanism, model, rows, seconds, failed="", compiled=0.0):
     """The states of all links at coordinates, rates and accelerations of the samples."""
     finite = np.isfinite(rows[0]).all(axis=1) & np.isfinite(rows[1]).all(axis=1)
-    states, data, rate = States.empty(mechanism), mujoco.MjData(model), np.zeros(6)
+    states, data, rate = LinkStates.empty(mechanism), mujoco.MjData(model), np.zeros(6)
     states.seconds, states.compiled = seconds, compiled
     xbody = int(mujoco.mjtObj.mjOBJ_XBODY)
     count = len(finite) if finite.all() else int(np.argmin(finite))
