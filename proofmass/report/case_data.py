@@ -22,6 +22,7 @@ from proofmass.case.case import Case
 from proofmass.formats import terminal
 from proofmass.report.data import PlottedRun, displayed_unit, drive_curves, drive_units
 from proofmass.report.style import Look
+from proofmass.report.svg_markers import MARKER_PATHS
 from proofmass.report.tables import format_setting
 from proofmass.report.words import RUNS, quantity_kind
 from proofmass.sim.engines import format_solver, is_variant
@@ -38,14 +39,6 @@ LARGEST_INTEGER = 2**15 - 1  # largest integer of 16 bits
 MIN_REFERENCE_SHIFT = 1e-3
 """A solver's reference that is farther from the drawn one than this share of its range has a curve
 of its own."""
-MARKER_NAMES = {
-    "o": "circle",
-    "s": "square",
-    "^": "up",
-    "v": "down",
-    "D": "diamond",
-    "d": "diamond",
-}
 
 
 def case_data(
@@ -120,12 +113,12 @@ def script_json(data: Mapping[str, Any]) -> Markup:
 
 
 def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
-    """Return the label of a solver, and its dash pattern and marker."""
+    """Return the label of a solver, its dash pattern, and its marker as a path of SVG."""
     look = style[solver]
     return {
         "label": format_solver(solver),
         "dash": list(look.dash[1]),
-        "marker": MARKER_NAMES.get(look.marker, "cross"),
+        "marker": MARKER_PATHS[look.marker],
         "variant": is_variant(solver),
     }
 

@@ -49,11 +49,20 @@ def draw_curve(
             part_x,
             part,
             **look.line,
-            markevery=(min(look.number * every // 6 + every // 4, len(part) - 1), every),
+            markevery=(min(marker_start(look, every), len(part) - 1), every),
             markerfacecolor="white" if rises else look.colour,
             markeredgewidth=0.8,
             zorder=3 + look.number / 10,
         )
+
+
+def marker_start(look: Look, every: int) -> int:
+    """The first of the points of a curve that has a marker; twelve looks begin at different ones.
+
+    >>> [marker_start(Look("", (0, ()), "", number), 48) % 48 for number in (0, 1, 6, 7)]
+    [12, 20, 16, 24]
+    """
+    return (2 * look.number + look.number // 6) * every // 12 + every // 4
 
 
 def thin_path(points: Array, limit: int, jumps: Iterable[int] = ()) -> Array:
@@ -261,7 +270,9 @@ def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure
     driven = drive_curves(view) if what == "overlay" else {}
     names = drive_rows(view, list(driven)) + channel_rows(view.case, view.channels)
     width = max(map(len, names))
-    head = 0.8 if view.failed else 0.62  # room for the legend, and the note below it
+    labels = ["reference"] * (what == "overlay") + list(view.curves)
+    more = legend_height(labels, 3.05 * width + 0.36)
+    head = (0.8 if view.failed else 0.62) + more  # room for the legend, and the note below it
     height = 1.75 * len(names) + 0.13 + head
     figure = Figure(figsize=(3.05 * width + 0.36, height))
     axes = figure.subplots(len(names), width, squeeze=False, sharex=True)
@@ -295,7 +306,7 @@ def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure
     axes[0, 0].set_xlim(float(x[0]), float(x[-1]))
     if view.x_unit == "deg" and abs(x[-1] - x[0]) >= 180:
         axes[0, 0].xaxis.set_major_locator(MultipleLocator(90 if abs(x[-1] - x[0]) < 721 else 180))
-    draw_legend(figure, view, style, what, height)
+    draw_legend(figure, view, style, what, height, more)
     figure.subplots_adjust(
         left=0.68 / (3.05 * width),
         right=1 - 0.1 / (3.05 * width),
@@ -326,27 +337,62 @@ def solver_handles(solvers: Iterable[str], style: Mapping[str, Look]) -> list[Li
     return [Line2D([], [], label=s, **style[s].line, markerfacecolor="white") for s in solvers]
 
 
+HEADER_LINE_HEIGHT = 0.17
+"""Height of a line of a legend above a grid of panels [inch]."""
+
+
+def columns_that_fit(labels: Iterable[str], width: float) -> int:
+    """Number of columns of a legend that is no wider than a figure [inch].
+
+    >>> columns_that_fit(["reference", "mujoco", "pymunk"], 6.4), columns_that_fit(["x"] * 12, 6.4)
+    (3, 9)
+    """
+    widths = [0.58 + 0.065 * len(label) for label in labels]
+    if sum(widths) <= width:
+        return len(widths)
+    return max(1, int(width / max(widths)))
+
+
+def legend_height(labels: Iterable[str], width: float) -> float:
+    """Height of the lines of a legend above a grid of panels, without the first [inch]."""
+    labels = list(labels)
+    return HEADER_LINE_HEIGHT * (-(-len(labels) // columns_that_fit(labels, width)) - 1)
+
+
 def draw_legend_above(figure: Figure, handles: Sequence[Line2D], height: float) -> None:
-    """Draw a legend in one line above a grid of panels; `height` is the figure's [inch]."""
+    """Draw a legend above a grid of panels, in one line if it fits; see `legend_height`.
+
+    `height` is the figure's [inch].
+    """
     figure.legend(
         handles=handles,
         loc="upper left",
-        ncols=len(handles),
+        ncols=columns_that_fit(
+            [str(handle.get_label()) for handle in handles], figure.get_figwidth()
+        ),
         handlelength=3.2,
+        labelspacing=0.3,
         bbox_to_anchor=(0.0, 1 - 0.02 / height),
         fontsize=8,
     )
 
 
 def draw_legend(
-    figure: Figure, view: PlottedRun, style: Mapping[str, Look], what: str, height: float
+    figure: Figure,
+    view: PlottedRun,
+    style: Mapping[str, Look],
+    what: str,
+    height: float,
+    more: float = 0.0,
 ) -> None:
-    """Draw the legend above the grid, and a note that names the solvers that failed."""
+    """Draw the legend above the grid, `more` [inch] than a line, and a note on failed solvers."""
     handles = [Line2D([], [], label="reference", **REFERENCE_STYLE)] * (what == "overlay")
     draw_legend_above(figure, [*handles, *solver_handles(view.curves, style)], height)
     if view.failed:
         note = "not drawn: " + ", ".join(f"{s} ({c.outcome})" for s, c in view.failed.items())
-        figure.text(0.02, 1 - 0.34 / height, note, fontsize=7, color=WRONG_COLOUR, va="top")
+        figure.text(
+            0.02, 1 - (0.34 + more) / height, note, fontsize=7, color=WRONG_COLOUR, va="top"
+        )
 
 
 def curve_thumbnail(view: PlottedRun, style: Mapping[str, Look]) -> Figure:

@@ -48,7 +48,6 @@ from proofmass.verdict.outcome import (
 
 STATIC = ("common.css", "common.js", "index.css", "index.js")
 INDEX_AXIS_DECADES = (-15, -12, -9, -6, -3, 0)
-MARKER_LETTERS = "osD^"
 """Markers of engines by matplotlib's letters; all engines after the third share the last one."""
 MAX_SENTENCES = 2
 """Number of sentences on failed runs that a row shows before it only counts them."""
@@ -438,7 +437,7 @@ def engine_name(c: Comparison) -> str:
 def engine_looks(
     columns: Iterable[IndexColumn], style: Mapping[str, Look]
 ) -> dict[str, EngineLook]:
-    """Return colour and marker of each engine; the colour is that of the engine's first solver.
+    """Return colour and marker of each engine, which are those of its first solver.
 
     A solver without a variant comes before all others.
     """
@@ -446,8 +445,8 @@ def engine_looks(
     for name in dict.fromkeys(column.engine for column in columns):
         mine = next((look for solver, look in style.items() if solver == name), None)
         first = next(look for solver, look in style.items() if solver.partition(":")[0] == name)
-        path = MARKER_PATHS[MARKER_LETTERS[min(len(found), len(MARKER_LETTERS) - 1)]]
-        found[name] = EngineLook(name, (mine or first).colour, path)
+        look = mine or first
+        found[name] = EngineLook(name, look.colour, MARKER_PATHS[look.marker])
     return found
 
 

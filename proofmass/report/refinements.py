@@ -18,6 +18,7 @@ from proofmass.report.figures import (
     TEXT_BACKGROUND,
     ZERO_LEVEL,
     draw_legend_above,
+    legend_height,
     set_decades,
     solver_handles,
 )
@@ -35,9 +36,9 @@ def refine_figure(view: PlottedRun, refine: Refine, style: Mapping[str, Look]) -
     found = rows_by_channel(view)
     rows = -(-len(found) // 4)
     width = -(-len(found) // rows)
-    size = np.array(
-        [REFINEMENT_PANEL_WIDTH * width + 0.2, REFINEMENT_PANEL_HEIGHT * rows + LEGEND_HEIGHT]
-    )
+    across, labels = REFINEMENT_PANEL_WIDTH * width + 0.2, {row.solver for row in view.refined}
+    legend = LEGEND_HEIGHT + legend_height([*labels, limit_label(refine)], across)
+    size = np.array([across, REFINEMENT_PANEL_HEIGHT * rows + legend])
     figure = Figure(figsize=tuple(size))
     for k, (channel, solvers) in enumerate(found.items()):
         ax = figure.add_subplot(rows, width, k + 1)
@@ -47,7 +48,7 @@ def refine_figure(view: PlottedRun, refine: Refine, style: Mapping[str, Look]) -
         left=0.68 / size[0],
         right=1 - 0.1 / size[0],
         bottom=0.42 / size[1],
-        top=1 - (LEGEND_HEIGHT + 0.22) / size[1],
+        top=1 - (legend + 0.22) / size[1],
         wspace=0.68 / (REFINEMENT_PANEL_WIDTH - 0.68),
         hspace=0.68 / (REFINEMENT_PANEL_HEIGHT - 0.68),
     )
@@ -189,16 +190,21 @@ def draw_levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:
         )
 
 
+def limit_label(refine: Refine) -> str:
+    """The label of the limit that two numbers of segments give."""
+    coarse, fine = refine.last
+    return f"limit from {coarse} and {fine}"
+
+
 def draw_legend(
     figure: Figure, view: PlottedRun, refine: Refine, style: Mapping[str, Look], height: float
 ) -> None:
     """Draw the legend: the solvers, and the meaning of an open diamond."""
-    coarse, fine = refine.last
     handles = solver_handles(dict.fromkeys(row.solver for row in view.refined), style)
     limit_of = Line2D(
         [],
         [],
-        label=f"limit from {coarse} and {fine}",
+        label=limit_label(refine),
         color=LABEL_COLOUR,
         marker="D",
         linestyle="",

@@ -1,16 +1,16 @@
 """The look of each solver: colour, dash pattern and marker, the same in every figure.
 
-Colours are those of Okabe and Ito, which colour-blind readers can distinguish; dash pattern and
-marker distinguish the solvers on a black-and-white print as well.
+Colours are of published palettes, the first ones those of Okabe and Ito, which colour-blind readers
+can distinguish; dash pattern and marker distinguish twelve solvers on a black-and-white print too.
 """
 
+import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import product
+from itertools import cycle
 from typing import Any
-from zlib import crc32
 
-from proofmass.sim.engines import own_engines
+from proofmass.sim.engines import hosted_names, own_engines
 
 Dash = tuple[int, tuple[float, ...]]
 
@@ -33,33 +33,36 @@ class Look:
 SOLID: Dash = (0, ())
 FIRST_LOOK = Look("#0072B2", SOLID, "o", 0)
 PALETTE = {
-    (0, ""): FIRST_LOOK,
-    (1, ""): Look("#D55E00", (0, (5, 1.5)), "s", 1),
-    (0, "default"): Look("#56B4E9", (0, (1.2, 1.2)), "^", 2),
-    (1, "default"): Look("#E69F00", (0, (5, 1.5, 1, 1.5)), "v", 3),
-    (0, "fine"): Look("#009E73", (0, (8, 2)), "D", 4),
-    (0, "settled"): Look("#882255", (0, (2, 1)), "d", 5),
-    (1, "fine"): Look("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), "P", 6),
+    "mujoco": FIRST_LOOK,
+    "pymunk": Look("#D55E00", (0, (5, 1.5)), "s", 1),
+    "mujoco:default": Look("#4B9DCB", (0, (1.2, 1.2)), "^", 2),
+    "pymunk:default": Look("#C68900", (0, (5, 1.5, 1, 1.5)), "v", 3),
+    "mujoco:fine": Look("#009E73", (0, (8, 2)), "D", 4),
+    "mujoco:settled": Look("#882255", (0, (2, 1)), "d", 5),
+    "pymunk:fine": Look("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), "P", 6),
+    "spare 1": Look("#EE6677", (0, (4, 4)), "X", 7),
+    "spare 2": Look("#225522", (0, (1, 3)), "*", 8),
+    "spare 3": Look("#53377A", (0, (9, 1.5, 3, 1.5)), "p", 9),
+    "spare 4": Look("#7F180D", (0, (3, 3, 1, 3)), "<", 10),
+    "spare 5": Look("#B15928", (0, (6, 1, 1, 1, 1, 1, 1, 1)), ">", 11),
 }
-"""Looks by the index of an engine among those of this distribution, and by the variant."""
-FIXED_LOOKS = {
-    f"{name}:{variant}".rstrip(":"): look
-    for (k, variant), look in PALETTE.items()
-    for name in own_engines()[k : k + 1]
-}
-HATCHES = "", "////", "....", "xxxx", "\\\\\\\\"
+"""Looks of solvers, and spare ones; of any two, colour, dash pattern and marker all differ.
+
+The first five colours and that of ``pymunk:fine`` are those of Okabe and Ito, their sky blue and
+orange darker, for the contrast of lines to white paper; the others are wine of Tol's muted scheme,
+red of his bright one, his dark green, strong violet and reddish brown of Kelly's colours of maximum
+contrast, and brown of ColorBrewer's Paired.
+"""
+SPARE_LOOKS = [look for name, look in PALETTE.items() if name.startswith("spare ")]
+FIXED_LOOKS = {name: look for name, look in PALETTE.items() if look not in SPARE_LOOKS}
+LENT_LOOKS = [*SPARE_LOOKS, *reversed(FIXED_LOOKS.values())]
+"""Looks for other solvers in the order in which they are taken: those of solvers that are not in
+the figure come after the spare ones."""
+HATCHES = (
+    *("", "////", "....", "xxxx", "\\\\\\\\", "----", "||||", "++++", "oo"),
+    *("**", "//..", "\\\\--", "||..", "OO"),
+)
 """Hatches of filled areas, one for each engine."""
-SPARE_LOOKS = [
-    (c, d, m)
-    for m, (d, c) in zip(
-        "Xp*h<>Xp*h<>",
-        product(
-            [(0, (2, 2)), (0, (7, 1, 1, 1)), (0, (4, 4)), (0, (1, 3))],
-            ["#CC79A7", "#444444", "#8A6D00"],
-        ),
-        strict=True,
-    )
-]
 INK, LABEL_COLOUR, WRONG_COLOUR = "#1b1f24", "#333333", "#8a1c1c"
 """Colours of lines and letters, of less important ones, and of words on what is wrong."""
 # for charts, from Tol's muted scheme
@@ -102,25 +105,36 @@ RC: dict[Any, Any] = {
 def solver_looks(solvers: Iterable[str]) -> dict[str, Look]:
     """Return a look for every solver; those without a fixed look get spare ones.
 
-    The spare look follows from the name, so that a solver looks the same in every report.  If
-    several names have the same one, those later in the alphabet get the next that is free.
+    Up to twelve differ in colour, in dash pattern and in marker, further ones in the three
+    together.  An engine in an interpreter of its own has its place among these, and of any other
+    solver the look follows from the name, so that a solver looks the same in every report.  If
+    several have the same one, those later in the alphabet get the next that is free.
 
     >>> solver_looks(["pymunk", "adams"])["pymunk"].colour
     '#D55E00'
     >>> solver_looks(["simpack"])["simpack"] == solver_looks(["adams", "simpack"])["simpack"]
     True
     """
-    chosen = {}
-    free = list(range(len(SPARE_LOOKS)))
-    for name in sorted(set(solvers)):
-        if name in FIXED_LOOKS:
-            chosen[name] = FIXED_LOOKS[name]
-            continue
-        wanted = (crc32(name.encode()) >> 8) % len(SPARE_LOOKS)
-        spare = min(free, key=lambda k: (k - wanted) % len(SPARE_LOOKS))
-        free = [k for k in free if k != spare] or list(range(len(SPARE_LOOKS)))
-        chosen[name] = Look(*SPARE_LOOKS[spare], number=len(FIXED_LOOKS) + spare)
+    names, places = set(solvers), {name: k for k, name in enumerate(hosted_names())}
+    chosen = {name: FIXED_LOOKS[name] for name in FIXED_LOOKS if name in names}
+    free = [look for look in LENT_LOOKS if look not in chosen.values()]
+    rounds = 0
+    others = names - set(chosen)
+    for name in sorted(others, key=lambda one: (places.get(one, len(places)), ":" in one, one)):
+        if not free:
+            rounds, free = rounds + 1, [mix_looks(look, rounds + 1) for look in LENT_LOOKS]
+        spare = (zlib.crc32(name.encode()) >> 8) % len(SPARE_LOOKS)
+        wanted = places.get(name, spare) % len(LENT_LOOKS)
+        numbers = [look.number for look in (*LENT_LOOKS[wanted:], *LENT_LOOKS[:wanted])]
+        chosen[name] = min(free, key=lambda look: numbers.index(look.number % len(numbers)))
+        free.remove(chosen[name])
     return chosen
+
+
+def mix_looks(look: Look, shift: int) -> Look:
+    """A look of the palette with the dash pattern and the marker of one that is farther on."""
+    other = [*PALETTE.values()][(look.number + shift) % len(PALETTE)]
+    return Look(look.colour, other.dash, other.marker, look.number + shift * len(PALETTE))
 
 
 BACKGROUNDS = {"light": "#ffffff", "dark": "#191d21"}
@@ -170,10 +184,7 @@ def engine_hatches(engines: Iterable[str]) -> dict[str, str]:
     >>> engine_hatches(["pymunk", "adams"])
     {'pymunk': '////', 'adams': 'xxxx'}
     """
-    own = own_engines()
-    other = sorted(set(engines) - set(own))
-    return {
-        name: HATCHES[k % len(HATCHES)]
-        for k, name in enumerate([*own, *other])
-        if name in set(engines)
-    }
+    own, there = own_engines(), set(engines)
+    fixed = {name: HATCHES[k] for k, name in enumerate(own) if name in there}
+    free = [hatch for hatch in (*HATCHES[len(own) :], *HATCHES) if hatch not in fixed.values()]
+    return fixed | dict(zip(sorted(there - set(own)), cycle(free), strict=False))

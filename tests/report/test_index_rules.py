@@ -94,13 +94,12 @@ def test_a_refinement_is_in_no_column():
     assert list(row.cells) == ["quasi-static/mujoco"]
 
 
-def test_the_fourth_engine_has_its_own_marker_and_later_ones_share_it():
-    solvers = ["a", "b", "c", "d", "e"]
+def test_twelve_engines_have_markers_and_colours_of_their_own():
+    solvers = [*"abcdefghijkl"]
     rows = [angle(1e-9, solver) for solver in solvers]
     looks = engine_looks(columns_of(Result(comparisons=rows)), solver_looks(solvers))
-    paths = [looks[name].path for name in solvers]
-    assert len(set(paths[:4])) == 4
-    assert paths[3] == paths[4]
+    assert len({looks[name].path for name in solvers}) == 12
+    assert len({looks[name].colour for name in solvers}) == 12
 
 
 def test_the_colour_of_an_engine_is_that_of_the_engine_as_in_the_model():

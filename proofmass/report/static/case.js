@@ -522,23 +522,13 @@ function strokes(steps, jumps) {
     .join("");
 }
 
-// Outlines of markers about (0, 0).
-const MARKS = {
-  circle: "M-3.6 0a3.6 3.6 0 1 0 7.2 0a3.6 3.6 0 1 0-7.2 0z",
-  square: "M-3.4-3.4h6.8v6.8h-6.8z",
-  up: "M0-4l4 7.5h-8z",
-  down: "M0 4l4-7.5h-8z",
-  diamond: "M0-4.5l4.5 4.5-4.5 4.5-4.5-4.5z",
-  cross: "M-4-4l8 8M4-4l-8 8",
-};
-
 // The sign of a solver's markers, as a small picture.
 function markerSign(solver) {
   const dash = solver.dash.join(" ");
   return (
     `<svg class="marker ${solver.css}" viewBox="-8 0 28 12" aria-hidden="true">` +
     `<path d="M-8 6h28" stroke-dasharray="${dash}"/>` +
-    `<path d="${MARKS[solver.marker]}" transform="translate(6 6)"/></svg>`
+    `<path d="${solver.marker}" transform="translate(6 6)"/></svg>`
   );
 }
 

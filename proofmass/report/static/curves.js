@@ -6,24 +6,24 @@ const LEAST = 1e-16; // end of a linear axis where all differences are zero
 const SMALLEST = 0.03; // share of the differences that may lie below a logarithmic axis
 const MARKERS = 9; // number of markers on a curve, which distinguish it without its colour
 
-// Draw a marker about a place of a canvas.
-const SHAPES = {
-  circle: (ctx, x, y, r) => ctx.arc(x, y, r, 0, 2 * Math.PI),
-  square: (ctx, x, y, r) => ctx.rect(x - r, y - r, 2 * r, 2 * r),
-  up: (ctx, x, y, r) => polygon(ctx, [[x, y - r], [x + r, y + r], [x - r, y + r]]),
-  down: (ctx, x, y, r) => polygon(ctx, [[x, y + r], [x + r, y - r], [x - r, y - r]]),
-  diamond: (ctx, x, y, r) => polygon(ctx, [[x, y - r], [x + r, y], [x, y + r], [x - r, y]]),
-  cross: (ctx, x, y, r) => {
-    ctx.moveTo(x - r, y - r);
-    ctx.lineTo(x + r, y + r);
-    ctx.moveTo(x + r, y - r);
-    ctx.lineTo(x - r, y + r);
-  },
-};
+// Draw the marker of a solver about a place of a canvas, with lines of a width.
+function drawMarker(ctx, path, x, y, scale, width) {
+  const outline = new Path2D(path);
+  ctx.save();
+  ctx.translate(x, y);
+  ctx.scale(scale, scale);
+  ctx.lineWidth = width / scale;
+  ctx.fill(outline);
+  ctx.stroke(outline);
+  ctx.restore();
+}
 
-function polygon(ctx, corners) {
-  corners.forEach(([x, y], i) => (i ? ctx.lineTo(x, y) : ctx.moveTo(x, y)));
-  ctx.closePath();
+// Two strokes that cross at a place.
+function cross(ctx, x, y, r) {
+  ctx.moveTo(x - r, y - r);
+  ctx.lineTo(x + r, y + r);
+  ctx.moveTo(x + r, y - r);
+  ctx.lineTo(x - r, y + r);
 }
 
 // Powers of ten between two, at most about six of them.
@@ -429,16 +429,13 @@ class CurvePair {
       const values = plot.data[first + number];
       ctx.save();
       ctx.setLineDash([]);
-      ctx.lineWidth = 1.4 * ratio;
       ctx.strokeStyle = variable(`--${solver.css}`);
       ctx.fillStyle = variable("--card");
       const start = low + Math.floor(((number + 0.5) * step) / solvers.length);
       for (let i = start; i <= high; i += step) {
         if (values[i] !== null && values[i] !== undefined) {
           this.mark(plot, run.xs[i], values[i], (_, x, y) => {
-            SHAPES[solver.marker](ctx, x, y, 3.2 * ratio);
-            ctx.fill();
-            ctx.stroke();
+            drawMarker(ctx, solver.marker, x, y, 0.85 * ratio, 1.4 * ratio);
           });
         }
       }
@@ -475,7 +472,7 @@ class CurvePair {
       ctx.setLineDash([]);
       ctx.lineWidth = 2 * ratio;
       this.mark(plot, run.xs[k], values[k], (_, x, y) => {
-        SHAPES.cross(ctx, x, y, 5 * ratio);
+        cross(ctx, x, y, 5 * ratio);
         ctx.stroke();
       });
       const onLeft = across < left + width / 2;

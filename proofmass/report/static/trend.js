@@ -217,7 +217,7 @@ function trendLine(row, solver, across, down) {
   const points = steps
     .map(({ i, error, at }) => {
       const over = allowed && error > allowed ? " over" : "";
-      return `<path class="trend-point${over}" data-report="${i}" transform="translate(${at})" d="${MARKS[marker]}"/>`;
+      return `<path class="trend-point${over}" data-report="${i}" transform="translate(${at})" d="${marker}"/>`;
     })
     .join("");
   return (

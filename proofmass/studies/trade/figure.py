@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from proofmass.report.style import FIXED_LOOKS, LABEL_COLOUR, SOLID, Dash, Look  # isort: skip
+from proofmass.report.style import FIXED_LOOKS, LABEL_COLOUR, SOLID, Dash, Look, solver_looks  # isort: skip
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -251,6 +251,9 @@ DASHES: tuple[Dash, ...] = (
     (0, (5, 1.5, 1, 1.5)),
     (0, (8, 2)),
     (0, (3, 1, 1, 1, 1, 1)),
+    (0, (4, 4)),
+    (0, (9, 1.5, 3, 1.5)),
+    (0, (1, 3)),
 )
 FRONT_STYLE: dict[str, Any] = {
     "color": "#d0d0d0",
@@ -374,22 +377,29 @@ def drawn_error(row: StudyRow, kind: str) -> float:
 def series_looks(rows: Iterable[StudyRow]) -> dict[SeriesName, Look]:
     """A look for each series: colour by engine, marker by integrator, dashes for equal markers."""
     looks: dict[SeriesName, Look] = {}
-    markers: dict[SeriesName, int] = {}
-    same_marker: dict[SeriesName, int] = {}
+    markers: dict[SeriesName, str] = {}
+    same_marker: dict[str, int] = {}
+    rows = list(rows)
+    solvers = solver_looks(map(coloured_solver, rows))
     for row in rows:
         if series_name(row) in looks:
             continue
         key = row.engine, str(row.parameters.get("integrator", "")).lower()
-        markers.setdefault(key, len(markers))
-        same_marker[key] = same_marker.get(key, -1) + 1
-        known = FIXED_LOOKS.get(row.engine + ":default" * bool(row.parameters.get("defaults")))
+        marker = markers.setdefault(key, MARKERS[len(markers) % len(MARKERS)])
+        same_marker[marker] = same_marker.get(marker, -1) + 1
         looks[series_name(row)] = Look(
-            known.colour if known else "#444444",
-            DASHES[same_marker[key] % len(DASHES)],
-            MARKERS[markers[key] % len(MARKERS)],
+            solvers[coloured_solver(row)].colour,
+            DASHES[same_marker[marker] % len(DASHES)],
+            marker,
             len(looks),
         )
     return looks
+
+
+def coloured_solver(row: StudyRow) -> str:
+    """The solver whose colour a series has: that of its engine's defaults if there is one."""
+    solver = row.engine + ":default" * bool(row.parameters.get("defaults"))
+    return solver if solver in FIXED_LOOKS else row.engine
 
 
 def draw_panels(

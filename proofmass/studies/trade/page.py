@@ -229,7 +229,7 @@ def series_records(
         yield {
             "letter": series_letter(look),
             "css": colours[look.colour].css,
-            "mark": MARKER_PATHS.get(look.marker, MARKER_PATHS["o"]),
+            "mark": MARKER_PATHS[look.marker],
             "name": name[1],
             "varied": own[0].varied,
             "rows": [table_cells(row, error_kinds(rows)) for row in own],
@@ -378,7 +378,7 @@ def series_data(
         "name": name[1],
         "letter": series_letter(look),
         "css": tone.css,
-        "mark": MARKER_PATHS.get(look.marker, MARKER_PATHS["o"]),
+        "mark": MARKER_PATHS[look.marker],
         "dash": list(look.dash[1]),
         "orders": orders,
     }
