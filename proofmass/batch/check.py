@@ -29,6 +29,7 @@ from proofmass.batch.work import (
 )
 from proofmass.case.case import Case
 from proofmass.case.inputs import SIDECAR_ENDING, is_of_others, names_program
+from proofmass.run.asked import with_engines
 from proofmass.sim.engines import NATIVE_ENGINE
 from proofmass.sim.model_source import (
     ADVICE,
@@ -39,7 +40,7 @@ from proofmass.sim.model_source import (
     source_of_object,
 )
 from proofmass.sim.protocol.curves import Curves
-from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
+from proofmass.sim.protocol.failures import BadModel, Diverged, Unavailable, Unsupported
 from proofmass.verdict.comparison import Comparison, Comparisons, failed_comparisons
 from proofmass.verdict.outcome import (
     FAILED_OUTCOMES,
@@ -66,6 +67,10 @@ CheckTask = tuple[Case, Kind, str] | FinerRun | ModelSource
 Checkable: TypeAlias = "Path | str | Case | mujoco.MjModel | mujoco.MjSpec"
 """What can be checked: files and folders by their paths, cases, and models of MuJoCo."""
 LOADING_SECONDS = 60.0  # [s], the time limit of reading a sidecar
+BARE_WITH_ENGINES = (
+    "a model without a sidecar is checked by itself, in MuJoCo: give no engine, compare versions "
+    "with proofmass versions, or write a sidecar with proofmass new"
+)
 OWN_MODEL_TIMEOUT = 900.0
 """Limit of the processor time of a model without a sidecar [s].  The solutions of its motion end by
 counts that take about `PROCESSOR_SECONDS`; on a slow machine they take up to 20 times as long."""
@@ -131,7 +136,8 @@ class Result(ShownAsHtml):
         """Cases that ran without any check, although the sidecar does not say ``unchecked``."""
         ran = {c.case for c in self.comparisons}
         checked = {c.case for c in self.comparisons if c.outcome not in UNCHECKED_OUTCOMES}
-        return [case for case in self.cases if case.name in ran - checked and not case.unchecked]
+        left = ran - checked
+        return [c for c in self.cases if c.name in left and not (c.unchecked or c.asked)]
 
 
 def find_inputs(paths: Iterable[Path], of_others: list[Path] | None = None) -> Iterator[Path]:
@@ -338,6 +344,8 @@ def run_solver(
             memory=limits.memory,
         )
     except Unsupported as error:
+        if solver in case.asked or isinstance(error, Unavailable):
+            return failed_comparisons(case, kind, solver, error), None
         raise case.error(
             f"run.{kind}.solvers",
             f"{solver} cannot run {case.model}: {error}; leave it out",
@@ -410,6 +418,7 @@ def check(
     detectable: bool = True,
     dask: str | None = None,
     consumer: CaseConsumer | None = None,
+    engines: tuple[str, ...] = (),
 ) -> Result:
     """Run every case below `paths` and compare it with its reference.
 
@@ -434,6 +443,10 @@ def check(
         Takes the result of each case when its last run has ended.  The curves of a case are then
         not kept, so that the memory does not depend on the number of cases.
 
+    engines : tuple of str, optional
+        Engines that make the runs in place of the solvers of the sidecars, such as ``drake`` or
+        ``mujoco==3.3.7``.  What they cannot run is unsupported or unavailable and no error.
+
     Returns
     -------
     Result
@@ -445,7 +458,7 @@ def check(
     result = Result(paths=given)
     with pool(jobs, dask) as executor, ThreadPoolExecutor(os.cpu_count()) as threads:
         inputs = collect_inputs(given, result.errors, result.of_others)
-        parts = plan_parts(inputs, objects, result, executor)
+        parts = plan_parts(inputs, objects, result, executor, engines)
         if consumer is not None:
             consumer.begin(result)
         follow = partial(stages_of, causes=causes, detectable=detectable, consumer=consumer)
@@ -517,7 +530,11 @@ class NamedWork:
 
 
 def plan_parts(
-    paths: list[Path], objects: list[Any], result: Result, pool: Executor
+    paths: list[Path],
+    objects: list[Any],
+    result: Result,
+    pool: Executor,
+    engines: tuple[str, ...] = (),
 ) -> list[NamedWork]:
     """Read the sidecars and plan the work on each input; cases and errors go to the result."""
     parts: list[NamedWork] = []
@@ -533,6 +550,9 @@ def plan_parts(
         parts.append(NamedWork(name, [], Result(paths=result.paths)))
         return parts[-1]
 
+    def asked(case: Case) -> Case:
+        return with_engines(case, engines) if engines else case
+
     def free_name(name: str) -> str:
         others = (f"{name} {k}" for k in count(2))
         return name if name not in taken else next(one for one in others if one not in taken)
@@ -541,7 +561,9 @@ def plan_parts(
         with collected_error(result):
             if path in read:
                 case = rename_case(read[path].result(), names[path])
-                plan(names[path]).add_case(case)
+                plan(names[path]).add_case(asked(case))
+            elif engines:
+                raise InputError(path, "", BARE_WITH_ENGINES)
             else:
                 source = ModelSource(path, within=folder_of(path, result.paths))
                 plan(names[path]).tasks.append(source)
@@ -550,7 +572,7 @@ def plan_parts(
             if validated is not None:
                 validated.result()
                 name = free_name(one.name)
-                plan(name).add_case(rename_case(one, name))
+                plan(name).add_case(asked(rename_case(one, name)))
             else:
                 source = source_of_object(one, free_name)
                 plan(source.file.name).tasks.append(source)

@@ -580,15 +580,16 @@ class Refine(Strict):
 
 
 class Case(Strict, ShownAsHtml):
-    """One sidecar.  `file` is its path; the other fields are its tables, but for the last three.
+    """One sidecar.  `file` is its path; the other fields are its tables, but for the last four.
 
     `unchecked` says that on purpose nothing of the case is checked.  `unmatched` are sensors that
     are not listed and match no quantity.  `called` is the name of the case if other cases have the
     name of its file.  `reads_model` says that the reference reads its numbers from the MJCF, whose
-    errors it then shares.
+    errors it then shares.  `asked` are engines that a command asks for, in place of the solvers of
+    the sidecar: what they cannot run is no fault of the sidecar.
     """
 
-    fields_without_key = frozenset({"file", "unmatched", "called", "reads_model"})
+    fields_without_key = frozenset({"file", "unmatched", "called", "reads_model", "asked"})
 
     file: Path
     title: str
@@ -613,6 +614,7 @@ class Case(Strict, ShownAsHtml):
     unmatched: tuple[str, ...] = ()
     called: str = ""
     reads_model: bool = False
+    asked: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:

@@ -18,12 +18,14 @@ from rich.text import Text
 from proofmass.base.errors import BAD_INPUT, INTERRUPTED, InputError, suggest_names
 from proofmass.commands.command import (
     Dask,
+    Engines,
     ForceOption,
     Jobs,
     error_console,
     exit_on_error,
     find_sidecar,
     progress_bar,
+    provide_engines,
 )
 from proofmass.studies import DEFAULT_LONGEST_RUN, DEFAULT_SEARCH_BUDGET
 
@@ -83,11 +85,12 @@ def check_with_progress(
     detectable: bool = True,
     dask: str | None = None,
     consumer: "CaseConsumer | None" = None,
+    engines: tuple[str, ...] = (),
 ) -> "Result":
     """Check cases with a progress bar, and print errors of the input; both on standard error.
 
     `detectable` is true where detectable changes are needed; printed tables do not show them.  A
-    consumer takes the cases one by one.
+    consumer takes the cases one by one.  `engines` replace the solvers of the sidecars.
     """
     from proofmass.base.files import protect
     from proofmass.batch.check import check, collect_inputs
@@ -101,7 +104,14 @@ def check_with_progress(
     try:
         with progress_bar() as advance:
             result = check(
-                found, jobs, advance, detectable=detectable, dask=dask, consumer=consumer
+                found,
+                jobs,
+                advance,
+                causes=not engines,
+                detectable=detectable,
+                dask=dask,
+                consumer=consumer,
+                engines=engines,
             )
     except ClusterError as error:
         error_console.print(f"error: {error}", style="bold red")
@@ -179,6 +189,7 @@ def check_command(
     ] = False,
     jobs: Jobs = None,
     dask: Dask = None,
+    engine: Engines = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show every channel.")] = False,
     junit: Annotated[
         Path | None,
@@ -228,13 +239,14 @@ def check_command(
         for given in filter(None, (junit, sarif, markdown)):
             require_replaceable(given)
         failing = finding_kinds(fail_on)
+        engines = provide_engines(engine)
     left = [path for path in paths or [] if leave_others and is_of_others(path)]
     print_files_of_others(left)
     if left and left == paths:
         result = Result(of_others=left)
     else:
         ours = None if paths is None else [path for path in paths if path not in left]
-        result = check_with_progress(ours, jobs, detectable=json, dask=dask)
+        result = check_with_progress(ours, jobs, detectable=json, dask=dask, engines=engines)
     if json:
         print(as_json(result))
     else:
@@ -272,6 +284,7 @@ def report_command(
     ),
     jobs: Jobs = None,
     dask: Dask = None,
+    engine: Engines = None,
     study: Annotated[
         list[Path] | None,
         typer.Option(
@@ -305,6 +318,8 @@ def report_command(
     from proofmass.report.record import make_record, read_baseline, read_last, record_start
     from proofmass.studies.pages import write_study_pages
 
+    with exit_on_error("nothing is written"):
+        engines = provide_engines(engine)
     with exit_on_error(f"{output} is not complete"), error_console.status("drawing studies"):
         make_folder(output)
         require_replaceable(output / "index.html")
@@ -313,7 +328,7 @@ def report_command(
     made = record_start(["proofmass", *sys.argv[1:]], next(iter(paths or []), None))
     writer = ReportWriter(output, made, last, studies, figures, data)
     try:
-        result = check_with_progress(paths, jobs, dask=dask, consumer=writer)
+        result = check_with_progress(paths, jobs, dask=dask, consumer=writer, engines=engines)
     except KeyboardInterrupt:
         stop_report(writer)
     print_result(result, link=partial(link, output))

@@ -36,6 +36,16 @@ ForceOption = Annotated[
         help="Replace files that proofmass did not write; an input is never replaced.",
     ),
 ]
+Engines = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--engine",
+        help="Engine in place of those of the sidecars, NAME or NAME==VERSION, see proofmass "
+        "engines; can be given several times.",
+        show_default="those of the sidecars",
+        metavar="NAME",
+    ),
+]
 Dask = Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://host:8786.")]
 
 
@@ -52,6 +62,28 @@ def exit_on_error(kept: str) -> Iterator[None]:
             raise typer.Exit(INTERRUPTED) from None
         error_console.print(f"error: {error_text(error)}", style="bold red")
         raise typer.Exit(BAD_INPUT) from None
+
+
+def provide_engines(names: list[str] | None) -> tuple[str, ...]:
+    """The engines that a command asks for, each once, with what they need fetched.
+
+    An engine that cannot be had is named on standard error; its runs say why.
+
+    Raises
+    ------
+    NoEngine
+        No engine has such a name.
+    """
+    from proofmass.sim.engines import engine_of
+
+    asked = tuple(dict.fromkeys(names or ()))
+    for name in asked:
+        engine = engine_of(name)
+        with error_console.status(f"fetching {name}"):
+            why = engine.provide()
+        if why:
+            error_console.print(f"unavailable: {name}: {why}", style="yellow")
+    return asked
 
 
 def single_case_error(path: Path) -> InputError:

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
@@ -14,11 +15,17 @@ from rich.console import Console, JustifyMethod
 from rich.table import Table
 from rich.text import Text
 
+from proofmass.base.grouping import group_by
 from proofmass.batch.check import Result, family_of
 from proofmass.case.case import Case
 from proofmass.sim.engines import NATIVE_ENGINE
 from proofmass.verdict.comparison import UNCHECKED_CASE, Comparison
-from proofmass.verdict.outcome import CHECKED_OUTCOMES, UNCHECKED_OUTCOMES, Outcome
+from proofmass.verdict.outcome import (
+    CHECKED_OUTCOMES,
+    NOT_RUN_OUTCOMES,
+    UNCHECKED_OUTCOMES,
+    Outcome,
+)
 
 if TYPE_CHECKING:
     from proofmass.evidence.diagnosis import Diagnosis, Explanation, Fault, SharedCause
@@ -45,7 +52,9 @@ OUTCOME_SIGNS: dict[str, tuple[str, str]] = {
     Outcome.AGREES: ("✓", "green"),
     Outcome.UNCHECKED: ("·", "dim"),
     Outcome.SELF_CONSISTENT: ("≈", "cyan"),
+    Outcome.MEASURED: ("·", "cyan"),
     Outcome.UNSUPPORTED: ("–", "dim"),
+    Outcome.UNAVAILABLE: ("–", "dim"),
 }
 FAILURE_SIGN = ("✗", "bold red")
 
@@ -207,6 +216,8 @@ NARROW_CHANNEL_LAYOUT: tuple[tuple[str, ...], ...] = (
 )
 """Columns on a screen too narrow for all layouts, and columns that the line above them replaces."""
 COLUMN_GAP = 2
+NAMED_CASES = 3
+"""Cases that a line names; of more, the line gives their number."""
 INDENT = 2
 Cells = dict[str, str | Text]
 
@@ -359,6 +370,8 @@ def failure_lines(
             yield from diagnosis_lines(found, causes, elsewhere)
         if link and case in pages:
             yield Text(f"  {link(c)}", style="dim")
+    for line in left_out_lines(result):
+        yield Text(f"– {line}", style="dim")
     for case in result.unchecked:
         yield Text.assemble((f"{FAILURE_SIGN[0]} {case.name} unchecked: ", "red"), UNCHECKED_CASE)
     for c in result.comparisons:
@@ -426,16 +439,36 @@ def format_largest(judged: list[Comparison]) -> str:
 def note_lines(result: Result) -> Iterator[str]:
     """Yield the remarks on models and the notes on curves.
 
-    A note on several solvers of a case is given once.
+    A note on several solvers of a case is given once, and so is one on a solver in several cases.
     """
     for name, remarks in result.remarks.items():
         yield from (f"{name}: {remark}" for remark in remarks)
-    runs_by_note: dict[tuple[str, str], list[str]] = {}
-    for (name, run, solver), notes in result.notes.items():
-        for note in notes:
-            runs_by_note.setdefault((name, note), []).append(f"{run} {solver}")
-    for (name, note), runs in runs_by_note.items():
-        yield f"{name} {runs[0]}: {note}" if len(runs) == 1 else f"{name}: {note}"
+    by_note = group_by(
+        ((key, note) for key, notes in result.notes.items() for note in notes), itemgetter(1)
+    )
+    for note, places in by_note.items():
+        keys = [key for key, _ in places]
+        cases, solvers = ({key[k] for key in keys} for k in (0, 2))
+        if len(cases) > 1 and len(solvers) == 1:
+            yield f"{solvers.pop()} in {len(keys)} runs: {note}"
+            continue
+        for name, own in group_by(keys, itemgetter(0)).items():
+            yield f"{name}: {note}" if own[1:] else f"{' '.join(own[0])}: {note}"
+
+
+def left_out_lines(result: Result) -> Iterator[str]:
+    """Yield what engines that were asked for cannot run, each reason once, with its cases."""
+    asked = {case.name for case in result.cases if case.asked}
+    runs = {
+        (c.case, c.run, c.solver): c.message
+        for c in result.comparisons
+        if c.case in asked and c.outcome in NOT_RUN_OUTCOMES and not math.isfinite(c.seconds)
+    }
+    for (solver, why), keys in group_by(runs, lambda key: (key[2], runs[key])).items():
+        cases = list(dict.fromkeys(key[0] for key in keys))
+        more = f" and {len(cases) - NAMED_CASES} more" if len(cases) > NAMED_CASES else ""
+        count = f"{len(keys)} run{'s' * (len(keys) > 1)}"
+        yield f"{solver} left out in {count}: {why} ({', '.join(cases[:NAMED_CASES])}{more})"
 
 
 def finite_or(value: float, otherwise: float) -> float:

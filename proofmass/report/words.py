@@ -75,7 +75,9 @@ SYMBOLS: dict[str, str] = {
     **dict.fromkeys(EMPTY_OUTCOMES, "✗"),
     Outcome.UNCHECKED: "○",
     Outcome.SELF_CONSISTENT: "≈",
+    Outcome.MEASURED: "·",
     Outcome.UNSUPPORTED: "–",
+    Outcome.UNAVAILABLE: "–",
     **dict.fromkeys(FAILED_OUTCOMES, "⚠"),
 }
 

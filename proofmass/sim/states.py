@@ -97,8 +97,15 @@ class StateCurves:
             found = np.maximum(found, np.linalg.norm(gap, axis=-1))
         return found
 
-    def curves(self, settings: dict[str, object], asked_step: float) -> Curves:
+    def curves(self, settings: dict[str, object], stops: bool = False) -> Curves:
         """All channels of the run, with the actual motion of the drives.
+
+        Parameters
+        ----------
+        settings : dict of str to object
+            Those of the run, as they are shown.
+        stops : bool
+            Whether the engine has stops at the ends of the ranges of joints.
 
         Raises
         ------
@@ -124,7 +131,8 @@ class StateCurves:
         if mechanism.drives and n:
             motions = [self.joint(one.joint) for one in mechanism.drives]
             drive = tuple(np.array(part) for part in zip(*motions, strict=True))
-        self.refuse_ends_of_ranges()
+        if not stops:
+            self.refuse_ends_of_ranges()
         open_ = ~(self.openings <= MAX_OPENING_SHARE * mechanism.size)
         good = int(np.argmax(open_)) if open_.any() else n
         curves = Curves(
@@ -138,7 +146,7 @@ class StateCurves:
             settings={"timestep": mechanism.step, **settings},
             violations=self.openings,
             notes=self.states.notes,
-            asked_step=asked_step,
+            asked_step=self.reader.asked_step,
         )
         if good < run.x.size:
             why = self.states.failed or "the run ended early"

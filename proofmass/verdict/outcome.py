@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from proofmass.base.units import si_unit
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut
-from proofmass.sim.protocol.failures import Diverged, NotSolved, Unsupported
+from proofmass.sim.protocol.failures import Diverged, NotSolved, Unavailable, Unsupported
 
 
 class Outcome(StrEnum):
@@ -49,7 +49,9 @@ class Outcome(StrEnum):
         "self-consistent",
         "two ways of solving the model's own equations agree until a time; nothing else judges it",
     )
+    MEASURED = "measured", "the error is known, and no tolerance says how large it may be"
     UNSUPPORTED = "unsupported", "the engine does not deliver the channel in this run"
+    UNAVAILABLE = "unavailable", "the engine is not installed here and cannot be had"
     DIVERGED = "diverged", "the engine lost the motion, or found no pose"
     CRASHED = "crashed", "the process of the run died, or the engine raised an error"
     TIMED_OUT = "timed out", "the engine gave no answer in the processor time that the run has"
@@ -66,7 +68,14 @@ EMPTY_OUTCOMES = (Outcome.NOTHING_MOVED, Outcome.OTHER_STEP)
 """Outcomes of channels within their tolerance, in a run that tells nothing of the model."""
 CHECKED_OUTCOMES = (Outcome.AGREES, Outcome.DIFFERS, Outcome.UNDECIDED, *EMPTY_OUTCOMES)
 """Outcomes of channels that were compared with a tolerance."""
-UNCHECKED_OUTCOMES = (Outcome.UNCHECKED, Outcome.SELF_CONSISTENT, Outcome.UNSUPPORTED)
+NOT_RUN_OUTCOMES = (Outcome.UNSUPPORTED, Outcome.UNAVAILABLE)
+"""Outcomes of runs that an engine cannot make."""
+UNCHECKED_OUTCOMES = (
+    Outcome.UNCHECKED,
+    Outcome.SELF_CONSISTENT,
+    Outcome.MEASURED,
+    *NOT_RUN_OUTCOMES,
+)
 """Outcomes of channels and models for which no tolerance decides between right and wrong."""
 GOOD_OUTCOMES = (Outcome.AGREES, *UNCHECKED_OUTCOMES)
 FAILED_OUTCOMES = (Outcome.DIVERGED, Outcome.CRASHED, Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY)
@@ -78,6 +87,7 @@ open; and by its sweeps and equilibria if no pose at rest was found.
 """
 OUTCOME_OF_EXCEPTION: dict[type[Exception], Outcome] = {
     Unsupported: Outcome.UNSUPPORTED,
+    Unavailable: Outcome.UNAVAILABLE,
     Diverged: Outcome.DIVERGED,
     NotSolved: Outcome.DIVERGED,
     Crashed: Outcome.CRASHED,

@@ -103,8 +103,8 @@ SIDECAR_FAULTS = {
     "no such solver": (
         "fourbar.toml",
         r'"mujoco:default"',
-        '"bullet"',
-        ["'bullet'", "mujoco, pymunk"],
+        '"havok"',
+        ["'havok'", "mujoco, pymunk", "bullet"],
     ),
     "variant without settings": (
         "fourbar.toml",

@@ -103,6 +103,9 @@ class HostedEngine(Engine):
     ('mine==1.1',)
     """
 
+    stops = False
+    """Whether the engine has stops at the ends of the ranges of joints."""
+
     def __init__(
         self,
         script: str | Path,
@@ -177,7 +180,7 @@ class HostedEngine(Engine):
         versions: dict[str, str],
     ) -> Curves:
         """The curves of the states that the engine returned."""
-        found = StateCurves(reader, mechanism, states).curves(settings, reader.asked_step)
+        found = StateCurves(reader, mechanism, states).curves(settings, self.stops)
         computed = ", ".join(f"{name} {version}" for name, version in versions.items())
         notes = (*found.notes, f"Computed by {computed}.")
         return replace(found, notes=notes, versions=versions, compile_seconds=states.compiled)

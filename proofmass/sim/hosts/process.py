@@ -39,6 +39,8 @@ from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
 from proofmass.sim.protocol.failures import Unavailable, Unsupported
 
 SERVE = Path(interpreter.__file__).parent / "serve.py"
+STARTED_MARK = "started"
+"""File that an interpreter writes into its folder when it runs: uv has got the packages."""
 SAID_CHARACTERS = 240
 """Characters that are kept of what an interpreter wrote before it died."""
 ENDED_BY_SIGNAL = 128
@@ -126,10 +128,11 @@ class Host:
     """
 
     def __init__(self, script: Path, requires: Sequence[str], python: str = "") -> None:
-        self.errors = tempfile.TemporaryFile()  # noqa: SIM115, closed with the host
-        self.folder = tempfile.TemporaryDirectory()
+        command = [*start_command(requires, python), str(SERVE), str(script)]
+        self.errors, self.words = tempfile.TemporaryFile(), ""  # noqa: SIM115, closed with the host
+        self.folder, self.started = tempfile.TemporaryDirectory(), False
         self.process = subprocess.Popen(
-            [*start_command(requires, python), str(SERVE), str(script)],
+            command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self.errors,
@@ -138,12 +141,10 @@ class Host:
         )
         try:
             ready = self.receive()
-        except Crashed as error:
-            said = self.said()
-            self.close()
-            if "Python" not in said and not python and "Traceback" not in said:
-                raise Unavailable(explain_uv(said, requires)) from None
-            raise error from None
+        except Crashed:
+            if not python and not self.started:
+                raise Unavailable(explain_uv(self.words, requires)) from None
+            raise
         if "error" in ready:
             self.close()
             raise Crashed(f"{script.stem} cannot be loaded: {ready['error']}")
@@ -198,16 +199,11 @@ class Host:
         if number in (signal.SIGPROF, signal.SIGALRM):
             return TimedOut(f"no answer in {seconds:.3g} s of processor time")
         how = f"killed by signal {name_signal(number)}" if number > 0 else f"exit code {code}"
-        said = " ".join(self.said().split())
-        return Crashed(f"the interpreter of the engine ended: {how}" + (said and f": {said}"))
-
-    def said(self) -> str:
-        """The end of what the interpreter wrote to standard error."""
-        self.errors.seek(0)
-        return self.errors.read().decode(errors="replace")[-SAID_CHARACTERS:]
+        words = " ".join(self.words.split())[-SAID_CHARACTERS:]
+        return Crashed(f"the interpreter of the engine ended: {how}" + (words and f": {words}"))
 
     def close(self) -> None:
-        """End the interpreter: it ends when its standard input closes."""
+        """End the interpreter, which ends when its standard input closes; `words` are its last."""
         for stream in (self.process.stdin, self.process.stdout):
             if stream is not None:
                 with suppress(BrokenPipeError):
@@ -217,6 +213,11 @@ class Host:
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
+        if not self.errors.closed:
+            self.errors.seek(0)
+            self.words = self.errors.read().decode(errors="replace")
+            self.errors.close()
+        self.started = self.started or Path(self.folder.name, STARTED_MARK).exists()
         self.folder.cleanup()
 
 

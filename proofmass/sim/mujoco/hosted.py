@@ -51,7 +51,7 @@ WORDS: Mapping[str, Any] = {
 class HostedMujoco(HostedEngine):
     """MuJoCo in another version, or another program that reads its models."""
 
-    support = SUPPORT
+    stops = True
 
     def __init__(self, script: str, requires: tuple[str, ...], *, title: str, about: About) -> None:
         super().__init__(script, requires, title=title, about=about, settings=MujocoSettings)

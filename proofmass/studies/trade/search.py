@@ -47,7 +47,7 @@ from proofmass.studies.trade.series import (
     setting_at_step,
 )
 from proofmass.studies.trade.varied import own_settings_series
-from proofmass.verdict.outcome import Outcome
+from proofmass.verdict.outcome import NOT_RUN_OUTCOMES, Outcome
 
 TIMING_REPEATS = 2  # repeats, for their times, of each setting that may be the cheapest
 CLOSE_STEP_RATIO = 1.25
@@ -114,7 +114,7 @@ class SettingFamily:
         if not self.rows:
             return self.first or self.sample
         if len(self.rows) >= MAX_RUNS_OF_FAMILY or any(
-            row.outcome in (Outcome.TIMED_OUT, Outcome.UNSUPPORTED) for row in self.rows
+            row.outcome in (Outcome.TIMED_OUT, *NOT_RUN_OUTCOMES) for row in self.rows
         ):
             return None
         rows = sorted(self.rows, key=lambda row: -row.value)

@@ -26,7 +26,7 @@ from proofmass.studies.store import Store, package_versions, task_key
 from proofmass.studies.study import make_row
 from proofmass.studies.trade.varied import ConvergenceSeries, list_series, with_step
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.verdict.outcome import Outcome
+from proofmass.verdict.outcome import NOT_RUN_OUTCOMES, Outcome
 
 MIN_FALLING_ORDER = 0.5
 """Order, over two refinements, below which an error counts as no longer falling."""
@@ -74,7 +74,7 @@ class MeasuredSeries:
         if not self.rows:
             return False
         last = self.rows[-1]
-        if last.outcome in (Outcome.TIMED_OUT, Outcome.UNSUPPORTED) or last.cost > budget:
+        if last.outcome in (Outcome.TIMED_OUT, *NOT_RUN_OUTCOMES) or last.cost > budget:
             return True
         return bool(self.kinds) and all(self.settled(kind) for kind in self.kinds)
 
