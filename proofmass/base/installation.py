@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 NOT_INSTALLED = "none"
-PLUGIN_GROUPS = "proofmass.engines", "proofmass.references"
+PLUGIN_GROUPS = "proofmass.engines", "proofmass.hosted_engines", "proofmass.references"
 COMPUTING_PACKAGES = "mujoco", "numpy", "pymunk", "scipy"  # on whose versions digits depend
 
 

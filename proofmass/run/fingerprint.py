@@ -16,7 +16,7 @@ from proofmass.case.case import Case
 from proofmass.reference.case_model import compiled_model
 from proofmass.reference.find import REFERENCE_GROUP
 from proofmass.run.case_files import recorded_files
-from proofmass.sim.engines import ENGINE_GROUP, engine_of
+from proofmass.sim.engines import ENGINE_GROUP, HOSTED_GROUP, VERSION_MARK, engine_names, engine_of
 
 
 def digest(data: bytes) -> str:
@@ -51,7 +51,9 @@ def digest_recorded_files(case: Case) -> str:
 @cache
 def package_versions(engine: str) -> dict[str, str]:
     """Versions of the packages that compute a result, and a digest of an engine from elsewhere."""
-    brought = foreign_distribution(ENGINE_GROUP, engine)
+    name = engine.partition(VERSION_MARK)[0]
+    group = ENGINE_GROUP if name in engine_names() else HOSTED_GROUP
+    brought = foreign_distribution(group, name)
     names = ["mujoco", "numpy", "scipy", *filter(None, [brought])]
     code = {"adapter": digest_plugins(distribution(brought))} if brought else {}
     return {

@@ -18,7 +18,7 @@ from proofmass.base.worker import close_idle_workers
 from proofmass.case.case import Case
 from proofmass.evidence.coverage import coverage_key
 from proofmass.run.fingerprint import package_versions
-from proofmass.sim.engines import engine_of
+from proofmass.sim.engines import engine_of, hosted_names
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
@@ -69,7 +69,7 @@ def forget() -> None:
     close_idle_workers()
     for name in [name for name in sys.modules if name.startswith("swing_")]:
         del sys.modules[name]
-    for cached in (all_entry_points, entry_points_of, engine_of, package_versions):
+    for cached in (all_entry_points, entry_points_of, engine_of, hosted_names, package_versions):
         cached.cache_clear()
 
 
@@ -150,6 +150,20 @@ def test_keys_change_with_any_file_of_the_distribution_of_an_engine(
     assert keys() == known
     change(site, tmp_path, name)
     assert all(one != other for one, other in zip(known, keys(), strict=True))
+
+
+@pytest.mark.parametrize("site", ["installed"], indirect=True)
+def test_keys_change_also_for_an_engine_in_an_interpreter_of_its_own(
+    site: Path, tmp_path: Path
+) -> None:
+    names = tmp_path / "site" / INFO / "entry_points.txt"
+    names.write_text(names.read_text().replace("proofmass.engines", "proofmass.hosted_engines"))
+    known = package_versions("swing"), describe_installation()["swing-engine"]
+    change(site, tmp_path, "swing_engine/law.py")
+    forget()
+    other = package_versions("swing"), describe_installation()["swing-engine"]
+    assert known[0]["adapter"] != other[0]["adapter"]
+    assert known[1] != other[1]
 
 
 @pytest.mark.parametrize("name", ["swing_engine/law.py", "swing_engine/table.txt"])
