@@ -887,6 +887,41 @@ def stress_command(
     run_stress(paths, output, jobs, dask, only)
 
 
+@app.command("versions")
+def versions_command(
+    paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],
+    engine: Engines = None,
+    every: Annotated[
+        bool,
+        typer.Option("--all", help="All releases: find each change by bisection."),
+    ] = False,
+    since: Annotated[
+        str,
+        typer.Option(help="The oldest release of --all.", metavar="VERSION", show_default="3.1.0"),
+    ] = "",
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder for the page, the table and finished runs."),
+    ] = Path("versions"),
+    json: Annotated[bool, typer.Option("--json", help="Print JSON: changes and results.")] = False,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    force: ForceOption = False,
+) -> None:
+    """Run cases in several versions of an engine, and find what changed in which.
+
+    Each version runs in an interpreter of its own, which uv makes. A case changes where the error
+    of a channel is more than twice as large or as small as in the version before. A model without
+    a sidecar is compared with its own motion at half the step. Every run is stored: the same
+    command goes on where it was stopped. Exit code 0: nothing changed; 1: something changed;
+    2: bad input.
+    """
+    from proofmass.commands.versions import run_versions
+
+    code = run_versions(paths, engine or [], every, since, output, jobs, dask, json)
+    raise typer.Exit(code)
+
+
 @app.command("show")
 def show_command(
     path: Annotated[Path, typer.Argument(metavar="CASE", help="Sidecar, or its model.")],

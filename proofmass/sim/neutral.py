@@ -137,6 +137,8 @@ class NeutralReader:
         A run in time.
     timestep : float
         Longest time step [s].
+    state : tuple of ndarray (nq,), (nv,), optional
+        Pose and rates of the start [SI]; those of `proofmass.sim.start.start_state`, if not given.
 
     Raises
     ------
@@ -144,15 +146,20 @@ class NeutralReader:
         A loop is open in the start pose, or the run names an element that there is not.
     """
 
-    def __init__(self, model: mujoco.MjModel, run: Run, timestep: float) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        run: Run,
+        timestep: float,
+        state: tuple[Array, Array] | None = None,
+    ) -> None:
         self.model, self.run = model, run
         self.asked_step = timestep
         self.count, self.step = run.steps(timestep)
         self.driven = tuple(joint_number(model, drive.joint) for drive in run.drives)
-        self.terms = SmoothTerms(model, run.start)
-        self.qpos, self.qvel = start_state(model, run)
+        self.qpos, self.qvel = state or start_state(model, run)
         self.data = mujoco.MjData(model)
-        if model.nkey:
+        if model.nkey and state is None:
             mujoco.mj_resetDataKeyframe(model, self.data, model.key(run.start).id)
         self.data.qpos[:], self.data.qvel[:] = self.qpos, self.qvel
         mujoco.mj_fwdPosition(model, self.data)
@@ -337,7 +344,9 @@ class NeutralReader:
 
     def accelerations(self) -> Array:
         """Accelerations of all coordinates at the start (nv,), with exact loops and drives."""
-        terms = self.terms.terms(self.qpos, self.qvel, self.controls[:, 0])
+        terms = SmoothTerms(self.model, self.run.start).terms(
+            self.qpos, self.qvel, self.controls[:, 0]
+        )
         nv, dofs = self.model.nv, self.model.jnt_dofadr[list(self.driven)]
         drives = np.eye(nv)[dofs]
         rows = np.vstack([terms.jacobian, drives])

@@ -9,6 +9,7 @@ from proofmass.report.study import ShownStudy, StudyPages
 from proofmass.studies.diet.page import write_diet
 from proofmass.studies.stress.page import write_stress
 from proofmass.studies.trade.page import write_trade
+from proofmass.studies.versions.page import write_versions
 
 PageFunction = Callable[[Path, Path, str], StudyPages]
 HOME_LINK = "../index.html"
@@ -46,6 +47,13 @@ STUDY_KINDS = (
         "What a scene needs",
         "features removed one by one, what that saves and what it changes",
         write_diet,
+    ),
+    StudyKind(
+        "versions",
+        "versions.json",
+        "What changed between versions",
+        "errors of each case in several versions of an engine, and the versions that changed them",
+        write_versions,
     ),
 )
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from proofmass.sim.contents import control_indices
 from proofmass.sim.hosts.engine import About, HostedEngine
-from proofmass.sim.interpreter.mechanism import Mjcf, NeutralMechanism
+from proofmass.sim.interpreter.mechanism import LinkStates, Mjcf, NeutralMechanism
 from proofmass.sim.mjcf import insert_includes, read_tree
 from proofmass.sim.mujoco.dynamics import initialize_dynamics
 from proofmass.sim.mujoco.linkage import Linkage
@@ -25,7 +25,8 @@ from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.settings import MujocoSettings
 from proofmass.sim.mujoco.support import SUPPORT
 from proofmass.sim.neutral import NeutralReader, read_mechanism
-from proofmass.sim.protocol.failures import Unsupported
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import Diverged, Unsupported
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.protocol.settings import EngineSettings
 
@@ -65,9 +66,46 @@ class HostedMujoco(HostedEngine):
             raise Unsupported("rods of the sidecar, which are no part of the MJCF")
         compiled, data = load(model, run)
         step = float(compiled.opt.timestep)
+        if run.kind == "passive":
+            state = data.qpos.copy(), data.qvel.copy()
+            reader = NeutralReader(compiled, replace(run, settings={}), step, state)
+            mjcf = read_mjcf(model, compiled, data, reader)
+            return reader, replace(reader.mechanism(forces=False), mjcf=mjcf)
         reader = read_mechanism(model, replace(run, settings={}), self.support, step, contacts=True)
         mjcf = read_mjcf(model, compiled, data, reader)
         return reader, replace(reader.mechanism(forces=False), mjcf=mjcf)
+
+    def curves(
+        self,
+        reader: NeutralReader,
+        mechanism: NeutralMechanism,
+        states: LinkStates,
+        settings: dict[str, object],
+        versions: dict[str, str],
+    ) -> Curves:
+        """See `HostedEngine.curves`; those of a passive run are the centres of all links."""
+        if reader.run.kind != "passive":
+            return super().curves(reader, mechanism, states, settings, versions)
+        places = {
+            f"{link.name or k}.{part}": states.place[:, k, i]
+            for k, link in enumerate(mechanism.links)
+            for i, part in enumerate("xyz")
+            if k
+        }
+        count = len(states.place)
+        curves = Curves(
+            reader.run.x[:count],
+            places,
+            seconds=states.seconds,
+            steps=mechanism.steps,
+            settings={"timestep": mechanism.step, **settings},
+            asked_step=reader.asked_step,
+            versions=versions,
+            compile_seconds=states.compiled,
+        )
+        if states.failed or count < reader.run.x.size:
+            raise Diverged(states.failed or "the run ended early", curves if count else None)
+        return curves
 
 
 def read_mjcf(
@@ -78,10 +116,14 @@ def read_mjcf(
     `model` and `data` have the settings of the run, and are changed.
     """
     run, model.opt.timestep = reader.run, reader.step
-    linkage = Linkage(model, data, tuple(drive.joint for drive in run.drives))
     steps = reader.count * (run.x.size - 1)
-    times = run.x[0] + reader.step * np.arange(steps + 1)
-    torque, instant = initialize_dynamics(linkage, run, times)
+    dofs, torque = np.zeros(0, np.intp), np.zeros((steps, 0))
+    instant = np.zeros((steps + 1, 0))
+    if run.kind != "passive":
+        linkage = Linkage(model, data, tuple(drive.joint for drive in run.drives))
+        times = run.x[0] + reader.step * np.arange(steps + 1)
+        torque, instant = initialize_dynamics(linkage, run, times)
+        dofs = linkage.dofs.copy()
     changed = control_indices(model, (one.actuator for one in run.loads))
     flags = mujoco.mjtDisableBit.__members__.items()
     disabled = [
@@ -101,7 +143,7 @@ def read_mjcf(
         data.qvel.copy(),
         data.ctrl.copy(),
         data.xfrc_applied.copy(),
-        linkage.dofs.copy(),
+        dofs,
         torque,
         instant,
         reader.controls[changed].T,

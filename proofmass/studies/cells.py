@@ -1,0 +1,298 @@
+"""Cells of a table of cases and solvers: one run each, compared with its reference, and stored.
+
+A cell is kept in a file of its own, so that a table which was stopped can be continued, and a
+solver that is added later costs its own cells only.
+"""
+
+import io
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from math import isfinite, nan
+from typing import Any, Protocol
+
+import numpy as np
+
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError
+from proofmass.base.files import write_atomically
+from proofmass.base.strict import Kind
+from proofmass.base.units import FORCE_UNITS, MOTION_UNITS, POSITION_UNITS
+from proofmass.base.worker import call_isolated
+from proofmass.case.case import Case
+from proofmass.run.asked import with_engines
+from proofmass.run.fingerprint import (
+    bytes_of_case_model,
+    digest,
+    digest_recorded_files,
+    package_versions,
+)
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.studies.store import Store, digest_of_sources, read_json
+from proofmass.studies.study import Study
+from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
+
+SILENT_SHARE = 0.1
+"""Error, as a share of the range, from which a run that ends without a word is silently wrong: no
+curve of an engineer's report would be taken for the reference's."""
+CHANNEL_KINDS: dict[str, tuple[str, ...]] = {
+    "position": POSITION_UNITS,
+    "velocity": MOTION_UNITS["velocity"],
+    "acceleration": MOTION_UNITS["acceleration"],
+    "force": FORCE_UNITS,
+}
+"""Kinds of channels by the units of their quantities; others are of the kind ``other``."""
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """The error of a channel: the largest [its unit], and the same over the range [1]."""
+
+    channel: str
+    unit: str
+    kind: str
+    error: float
+    share: float
+
+
+@dataclass(frozen=True)
+class CellResult:
+    """What became of a run of a case by a solver.
+
+    Attributes
+    ----------
+    case, run, solver : str
+    outcome : str
+        ``ran``, or the outcome of a run that failed or was not made.
+    message : str
+        Why it failed or was not made.
+    errors : tuple of ChannelError
+        Of all channels that the engine delivers.
+    missing : dict of str to str
+        Channels that it does not deliver, and why.
+    seconds, compile_seconds : float
+        Processor time of the steps, and of compilation before them [s].
+    step : float
+        Time step [s].
+    settings : dict
+        Settings of the run that are not the engine's defaults or that it chose.
+    versions : dict of str to str
+        What computed, of an engine in another interpreter.
+    """
+
+    case: str
+    run: str
+    solver: str
+    outcome: str = Outcome.RAN
+    message: str = ""
+    errors: tuple[ChannelError, ...] = ()
+    missing: dict[str, str] = field(default_factory=dict)
+    seconds: float = nan
+    compile_seconds: float = 0.0
+    step: float = nan
+    settings: dict[str, Any] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+
+    def worst(self, kind: str = "") -> ChannelError | None:
+        """The channel with the largest share of the range, of a kind or of all kinds."""
+        found = [one for one in self.errors if kind in ("", one.kind)]
+        return max(found, key=lambda one: one.share, default=None)
+
+    @property
+    def position(self) -> float:
+        """Largest error of positions over their range [1]; of all channels if there are none."""
+        worst = self.worst("position") or self.worst()
+        return worst.share if worst else nan
+
+    @property
+    def is_filled(self) -> bool:
+        """Whether the run ended with curves that were compared."""
+        return self.outcome == Outcome.RAN and bool(self.errors)
+
+    @property
+    def is_silently_wrong(self) -> bool:
+        """Whether a run that ended without a word is off by more than `SILENT_SHARE`."""
+        return self.is_filled and not self.position <= SILENT_SHARE
+
+    @classmethod
+    def read(cls, record: dict[str, Any]) -> "CellResult":
+        """The result of a record that `record` made."""
+        errors = tuple(ChannelError(**_numbers(one)) for one in record["errors"])
+        return cls(**{**_numbers(record), "errors": errors})
+
+    def record(self) -> dict[str, Any]:
+        """The result as values of JSON; numbers that are not finite are None."""
+        return _without_nan(asdict(self))
+
+
+def _numbers(record: dict[str, Any]) -> dict[str, Any]:
+    """A record with NaN where it has None."""
+    return {key: nan if value is None else value for key, value in record.items()}
+
+
+def _without_nan(value: Any) -> Any:
+    """Values of JSON, with None in place of numbers that are not finite."""
+    if isinstance(value, dict):
+        return {key: _without_nan(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(one) for one in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def channel_kind(unit: str) -> str:
+    """The kind of a channel by the SI unit of its quantity.
+
+    >>> channel_kind("rad"), channel_kind("m/s"), channel_kind("J")
+    ('position', 'velocity', 'other')
+    """
+    return next((kind for kind, units in CHANNEL_KINDS.items() if unit in units), "other")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A run of a case by a solver.
+
+    Attributes
+    ----------
+    case : Case
+        Its sidecar may name other solvers.
+    run : str
+    solver : str
+    """
+
+    case: Case
+    run: Kind
+    solver: str
+
+    @property
+    def asked(self) -> Case:
+        """The case with this solver alone."""
+        return with_engines(self.case, (self.solver,))
+
+    @property
+    def key(self) -> str:
+        """Digest of all that the result depends on."""
+        case = self.asked
+        table = case.run[self.run]
+        parts = {
+            "model": digest(bytes_of_case_model(case)),
+            "recorded": digest_recorded_files(case),
+            "sidecar": case.model_dump(mode="json", exclude={"file", "title", "source", "view"}),
+            "run": (self.run, table.timeout, table.memory),
+            "versions": package_versions(self.solver),
+            "sources": digest_of_sources(),
+        }
+        return digest(json.dumps(parts, sort_keys=True, default=str).encode())
+
+    def measure(self) -> tuple[CellResult, dict[str, Array]]:
+        """Run and compare in a worker; the result, and the curves [SI] by channel."""
+        table = self.asked.run[self.run]
+        try:
+            return call_isolated(
+                measure_here,
+                self.asked,
+                self.run,
+                self.solver,
+                timeout=table.timeout,
+                memory=table.memory,
+            )
+        except tuple(OUTCOME_OF_EXCEPTION) as error:
+            outcome, words = OUTCOME_OF_EXCEPTION[type(error)], str(error)
+        except (InputError, BadModel) as error:
+            outcome, words = Outcome.NO_START, str(error)
+        except Exception as error:
+            outcome, words = Outcome.CRASHED, f"{type(error).__name__}: {error}"
+        return CellResult(self.case.name, self.run, self.solver, outcome, words), {}
+
+
+def measure_here(case: Case, run: Kind, solver: str) -> tuple[CellResult, dict[str, Array]]:
+    """Do what `Cell.measure` does, in this process."""
+    from proofmass.batch.work import compare_and_share
+    from proofmass.run.solve import solve_here
+
+    curves = solve_here(case, run, solver)
+    found = compare_and_share(case, run, solver, curves, detectable=False)
+    errors = tuple(
+        ChannelError(
+            c.channel,
+            c.unit,
+            channel_kind(case.channels[c.channel].si_unit),
+            c.error_max,
+            c.relative_to_range,
+        )
+        for c in found
+        if c.channel in curves.channels
+    )
+    result = CellResult(
+        case.name,
+        run,
+        solver,
+        Outcome.STOPPED if curves.stopped else Outcome.RAN,
+        curves.stopped,
+        errors,
+        curves.missing,
+        curves.seconds,
+        curves.compile_seconds,
+        curves.made_step,
+        {key: value for key, value in curves.settings.items() if key != "timestep"},
+        curves.versions,
+    )
+    return result, {"x": curves.x, **curves.channels}
+
+
+class MeasuredCell(Protocol):
+    """What is measured and stored: a `Cell`, or something like it."""
+
+    @property
+    def key(self) -> str:
+        """Digest of all that the result depends on."""
+
+    def measure(self) -> tuple[CellResult, dict[str, Array]]:
+        """The result and the curves."""
+
+
+def stored_cell(cell: MeasuredCell, store: Store) -> CellResult:
+    """The result of a cell: read from its file, or measured and written, with its curves."""
+    file = store.folder / f"{cell.key}.cell.json"
+    if file.is_file():
+        return CellResult.read(read_json(file))
+    found, curves = cell.measure()
+    if curves:
+        packed = io.BytesIO()
+        np.savez(packed, **curves)  # type: ignore[arg-type]
+        write_atomically(file.with_suffix(".npz"), packed.getvalue())
+    write_atomically(file, json.dumps(found.record(), indent=1, allow_nan=False))
+    return found
+
+
+def stored_curves(cell: MeasuredCell, store: Store) -> dict[str, Array]:
+    """The curves of a stored cell [SI], by channel; none of a run that failed."""
+    file = store.folder / f"{cell.key}.cell.npz"
+    if not file.is_file():
+        return {}
+    with np.load(file, allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+def cells_of(
+    cases: Iterable[Case], solvers: Sequence[str], runs: Sequence[Kind] = ("dynamics",)
+) -> list[Cell]:
+    """The cells of all cases that have one of some runs, case by case."""
+    return [
+        Cell(case, run, solver)
+        for case in cases
+        for run in runs
+        if run in case.run
+        for solver in solvers
+    ]
+
+
+def measure_cells(cells: Sequence[Cell], study: Study) -> list[CellResult]:
+    """The results of cells, in their order; `study.progress` is called after each."""
+    found: dict[int, CellResult] = {}
+    for k, result in study.results(partial(stored_cell, store=study.store), [(c,) for c in cells]):
+        found[k] = result
+        label = f"{result.case} {result.run} {result.solver}"
+        study.progress(label, len(found), len(cells))
+    return [found[k] for k in range(len(cells))]

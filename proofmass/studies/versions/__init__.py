@@ -1,0 +1,1 @@
+"""``proofmass versions``: what changed between versions of an engine, and in which."""
