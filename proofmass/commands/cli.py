@@ -887,6 +887,41 @@ def stress_command(
     run_stress(paths, output, jobs, dask, only)
 
 
+@app.command("engines")
+def engines_command(
+    paths: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Sidecars or folders to run.", show_default="none: list the engines"),
+    ] = None,
+    engine: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--engine",
+            help="Engine to run, NAME or NAME==VERSION; can be given several times.",
+            show_default="all",
+            metavar="NAME",
+        ),
+    ] = None,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder for the page, the table and finished runs."),
+    ] = Path("engines"),
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    force: ForceOption = False,
+) -> None:
+    """List the engines, or run the motions in time of cases in several of them.
+
+    The list says which engines run here, which uv has fetched, and what each can express. A table
+    of cases has the error of each engine against the reference, or why it has none. Every run is
+    stored: the same command goes on where it was stopped. Exit code 0: done; 2: bad input.
+    """
+    from proofmass.commands.engines import run_engines
+
+    run_engines(paths or [], engine or [], output, jobs, dask, json)
+
+
 @app.command("versions")
 def versions_command(
     paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],

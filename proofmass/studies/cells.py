@@ -47,13 +47,25 @@ CHANNEL_KINDS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class ChannelError:
-    """The error of a channel: the largest [its unit], and the same over the range [1]."""
+    """The error of a channel.
+
+    Attributes
+    ----------
+    channel, unit, kind : str
+    error : float
+        The largest [its unit].
+    share : float
+        The same over the range of the reference, or over its size if it is constant [1].
+    scale : float
+        That range or size [SI]; NaN where the error is 0.
+    """
 
     channel: str
     unit: str
     kind: str
     error: float
     share: float
+    scale: float = nan
 
 
 @dataclass(frozen=True)
@@ -220,6 +232,7 @@ def measure_here(case: Case, run: Kind, solver: str) -> tuple[CellResult, dict[s
             channel_kind(case.channels[c.channel].si_unit),
             c.error_max,
             c.relative_to_range,
+            c.error_rms * case.channels[c.channel].factor / c.nrmse if c.nrmse else nan,
         )
         for c in found
         if c.channel in curves.channels

@@ -7,6 +7,7 @@ from pathlib import Path
 from proofmass.base.errors import InputError
 from proofmass.report.study import ShownStudy, StudyPages
 from proofmass.studies.diet.page import write_diet
+from proofmass.studies.engines.page import write_engines
 from proofmass.studies.stress.page import write_stress
 from proofmass.studies.trade.page import write_trade
 from proofmass.studies.versions.page import write_versions
@@ -47,6 +48,13 @@ STUDY_KINDS = (
         "What a scene needs",
         "features removed one by one, what that saves and what it changes",
         write_diet,
+    ),
+    StudyKind(
+        "engines",
+        "engines.json",
+        "Cases beside engines",
+        "errors of each engine in each case, and where it refuses, crashes or is silently wrong",
+        write_engines,
     ),
     StudyKind(
         "versions",

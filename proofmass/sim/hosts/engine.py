@@ -123,7 +123,7 @@ class HostedEngine(Engine):
                 raise ValueError(f"{title} requires {one!r}; give one version, NAME==VERSION")
         self.script, self.requires = SCRIPTS / script, tuple(requires)
         self.title, self.about, self.python = title, about, python
-        self.settings, self.planar = settings, planar
+        self.settings, self.planar, self.lacks = settings, planar, tuple(lacks)
         self.support = support_without(tuple(lacks))  # type: ignore[misc]
 
     @property

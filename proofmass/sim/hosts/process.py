@@ -96,6 +96,20 @@ def provide(requires: Sequence[str], python: str = "") -> str:
     return explain_uv(made.stderr, requires) if made.returncode else ""
 
 
+def is_fetched(requires: Sequence[str], python: str = "") -> str:
+    """Whether packages are there already, in words: nothing is fetched."""
+    if python:
+        return f"runs in {python}"
+    try:
+        command = [*start_command(requires, python), "-c", ""]
+    except Unavailable as error:
+        return str(error)
+    command.insert(command.index("--quiet"), "--offline")
+    with tempfile.TemporaryDirectory() as nowhere:
+        made = subprocess.run(command, capture_output=True, cwd=nowhere, check=False)
+    return "uv fetches it" if made.returncode else "fetched"
+
+
 def explain_uv(text: str, requires: Sequence[str]) -> str:
     """What uv says of packages that cannot be had, in a line."""
     words = " ".join(re.sub(r"[╰╭│─▶×]|-->|├|└", " ", text).split())

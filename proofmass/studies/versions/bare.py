@@ -85,7 +85,7 @@ def measure_bare(cell: BareCell, empty: CellResult) -> tuple[CellResult, dict[st
         default=0.0,
     )
     size = max((float(np.ptp(curve)) for curve in whole.channels.values()), default=0.0)
-    error = ChannelError(STEP_CHANNEL, "m", "position", gap, gap / size if size else 0.0)
+    error = ChannelError(STEP_CHANNEL, "m", "position", gap, gap / size if size else 0.0, size)
     found = replace(
         empty,
         errors=(error,),

@@ -111,7 +111,7 @@ def find_change(
     both = [name for name in one if name in two]
     for name in both:
         ratio = factor(one[name].share, two[name].share)
-        moved = distance(name, curves_before, curves_after)
+        moved = distance(name, curves_before, curves_after, two[name].scale)
         known = one[name].share + two[name].share
         other_error = max(ratio, 1.0 / ratio) > CHANGE_RATIO and not moved <= LEAST_MOVE
         if other_error or moved > max(CHANGE_RATIO * known, LEAST_MOVE):
@@ -131,19 +131,21 @@ def find_change(
     )
 
 
-def distance(name: str, before: Mapping[str, Array], after: Mapping[str, Array]) -> float:
-    """Largest distance of two curves as a share of the range of the later one.
+def distance(
+    name: str, before: Mapping[str, Array], after: Mapping[str, Array], scale: float
+) -> float:
+    """Largest distance of two curves as a share of a scale [SI].
 
-    A channel that stands for several curves, or for none, has the largest distance of all.
+    A channel that stands for all curves has the largest distance of them.  Where the scale is not
+    known, it is the largest range of these curves.
     """
     names = [name] if name in before and name in after else [n for n in after if n != "x"]
-    found = float("nan")
-    for each in names:
-        if each not in before or before[each].shape != after[each].shape:
-            return inf
-        size = float(np.ptp(after[each])) or float(np.abs(after[each]).max()) or 1.0
-        found = np.nanmax([found, float(np.abs(before[each] - after[each]).max()) / size])
-    return float(found)
+    if any(n not in before or before[n].shape != after[n].shape for n in names):
+        return inf
+    if not scale > 0:
+        scale = max((float(np.ptp(after[n])) for n in names), default=0.0) or 1.0
+    gaps = (float(np.abs(before[n] - after[n]).max()) for n in names)
+    return max(gaps, default=float("nan")) / scale
 
 
 def version_of(solver: str) -> str:

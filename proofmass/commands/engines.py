@@ -1,0 +1,173 @@
+"""``proofmass engines``: list engines, or run cases in several of them."""
+
+import json
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from rich.table import Table
+
+from proofmass.base.files import write_output
+from proofmass.batch.check import family_of
+from proofmass.batch.pool import pool
+from proofmass.commands.command import exit_on_error, progress_bar, provide_engines
+from proofmass.commands.studies import load_cases
+from proofmass.formats.terminal import make_console
+from proofmass.sim.engines import NoEngine, engine_names, engine_of, hosted_names
+from proofmass.sim.hosts.engine import HostedEngine
+from proofmass.sim.hosts.process import is_fetched
+from proofmass.studies.cells import CellResult, cells_of, measure_cells
+from proofmass.studies.engines.summary import summarize_engine
+from proofmass.studies.store import Store
+from proofmass.studies.study import Study
+
+ALL_ENGINES = "all"
+"""The name that stands for all engines that compute."""
+
+
+@dataclass(frozen=True)
+class ListedEngine:
+    """An engine as `proofmass engines` lists it.
+
+    Attributes
+    ----------
+    name, title : str
+    version : str
+        That which runs.
+    state : str
+        Whether it runs at once.
+    solves, licence, lacks, trap : str
+    """
+
+    name: str
+    title: str
+    version: str
+    state: str
+    solves: str = ""
+    licence: str = ""
+    lacks: str = ""
+    trap: str = ""
+
+
+def run_engines(
+    paths: list[Path],
+    engines: list[str],
+    output: Path,
+    jobs: int | None,
+    dask: str | None,
+    as_json: bool,
+) -> None:
+    """Run ``proofmass engines``; `proofmass.commands.cli` describes its arguments."""
+    if not paths:
+        with exit_on_error("nothing is written"):
+            show_list(list_engines(), as_json)
+        return
+    with exit_on_error(f"{output} keeps the runs"):
+        from proofmass.studies.engines.page import write_engines  # loads the report
+
+        asked = provide_engines(named_engines(engines))
+        cases = load_cases(paths)
+        cells = cells_of(cases, asked)
+        study = Study(Store(output / "runs"))
+        with pool(jobs, dask) as workers, progress_bar(len(cells), max_letters=40) as advance:
+            results = measure_cells(cells, replace(study, workers=workers, progress=advance))
+        data = {
+            "kinds": {case.name: family_of(case.file, paths) for case in cases},
+            "results": [one.record() for one in results],
+        }
+        text = json.dumps(data, indent=1, allow_nan=False)
+        write_output(output / "engines.json", text)
+        page = write_engines(output, output)
+        if as_json:
+            print(text)
+        else:
+            make_console().print(engine_table(asked, results))
+            print(page.first)
+
+
+def named_engines(engines: Sequence[str]) -> list[str]:
+    """The engines that are asked for; ``all`` stands for all that compute."""
+    every = [name for name in engine_names() if engine_of(name).computes] + hosted_names()
+    found = list[str]()
+    for name in engines or [ALL_ENGINES]:
+        found += every if name == ALL_ENGINES else [name]
+    return list(dict.fromkeys(found))
+
+
+def engine_table(asked: Sequence[str], results: Sequence[CellResult]) -> Table:
+    """A row for each engine: its runs, and its errors."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in ("engine", "runs", "median error", "silently wrong", "lost", "refused"):
+        table.add_column(name, justify="left" if name == "engine" else "right", no_wrap=True)
+    for solver in asked:
+        own = [one for one in results if one.solver == solver]
+        found = summarize_engine(solver, results)
+        silent = sum(one.is_silently_wrong for one in own)
+        refused = sum(one.outcome in ("unsupported", "unavailable") for one in own)
+        lost = found.of - found.filled - refused
+        middle = f"{found.middle:.1e}" if found.filled else "–"
+        counts = (f"{found.filled} of {found.of}", middle, str(silent), str(lost), str(refused))
+        table.add_row(found.title, *counts)
+    return table
+
+
+def list_engines() -> list[ListedEngine]:
+    """All engines, those of this interpreter first."""
+    hosted = hosted_names()
+    with ThreadPoolExecutor(4) as threads:
+        states = dict(zip(hosted, threads.map(state_of_engine, hosted), strict=True))
+    found = list[ListedEngine]()
+    for name in (*engine_names(), *hosted):
+        try:
+            engine = engine_of(name)
+            if isinstance(engine, HostedEngine):
+                found.append(list_hosted(name, engine, states[name]))
+            else:
+                version = ", ".join(engine.versions().values())
+                found.append(ListedEngine(name, engine.title, version, "runs here"))
+        except NoEngine as error:
+            found.append(ListedEngine(name, name, "", f"cannot be loaded: {error}"))
+    return found
+
+
+def state_of_engine(name: str) -> str:
+    """Whether an engine in another interpreter runs at once."""
+    try:
+        engine = engine_of(name)
+    except NoEngine as error:
+        return f"cannot be loaded: {error}"
+    if not isinstance(engine, HostedEngine):
+        return "runs here"
+    return is_fetched(engine.requires, engine.python)
+
+
+def list_hosted(name: str, engine: HostedEngine, state: str) -> ListedEngine:
+    """The entry of an engine in another interpreter."""
+    about = engine.about
+    lacks = ["motions in space"] * engine.planar + list(engine.lacks)
+    return ListedEngine(
+        name,
+        engine.title,
+        engine.version,
+        state,
+        about.solves,
+        about.licence,
+        ", ".join(lacks),
+        about.trap,
+    )
+
+
+def show_list(engines: Sequence[ListedEngine], as_json: bool) -> None:
+    """Print the list as a table or as JSON."""
+    if as_json:
+        print(json.dumps([asdict(one) for one in engines], indent=1))
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in ("name", "version", "state", "how it solves", "licence", "lacks"):
+        table.add_column(name, no_wrap=name in ("name", "version"))
+    for one in engines:
+        solves = one.solves + (f" (beware: {one.trap})" if one.trap else "")
+        table.add_row(one.name, one.version, one.state, solves, one.licence, one.lacks)
+    make_console().print(table)
+    print("NAME==VERSION runs another version, such as --engine mujoco==3.6.0 --engine drake")
