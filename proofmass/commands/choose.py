@@ -15,7 +15,13 @@ from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.batch.check import collect_inputs
 from proofmass.batch.pool import pool
 from proofmass.case.case import Case
-from proofmass.commands.command import error_console, exit_on_error, progress_bar, single_case_error
+from proofmass.commands.command import (
+    error_console,
+    exit_on_error,
+    progress_bar,
+    provide_engines,
+    single_case_error,
+)
 from proofmass.commands.studies import load_cases, require_seconds
 from proofmass.commands.trade import has_series, measure_cases
 from proofmass.sim.engines import NATIVE_ENGINE, engine_of
@@ -63,10 +69,11 @@ def run_choose(
     dask: str | None,
     longest: float,
     budget: float,
+    engines: list[str],
 ) -> None:
     """Run the command ``proofmass choose``; `proofmass.commands.cli` describes its options."""
     with exit_on_error(f"{store} keeps the runs"):
-        case = load_only_case(path)
+        case = load_only_case(path, provide_engines(engines))
         kind = kind_to_study(case, kind)
         require_error(error)
         require_solver(case, kind, solver)
@@ -128,11 +135,11 @@ def run_choose(
         error_console.print("\n".join(describe_choice(choice, case)), markup=False)
 
 
-def load_only_case(path: Path) -> Case:
+def load_only_case(path: Path, engines: tuple[str, ...] = ()) -> Case:
     """Load the only case of a path; raise InputError if the path has several."""
     if sum(file.suffix == ".toml" for file in collect_inputs([path], [])) > 1:
         raise single_case_error(path)
-    (case,) = load_cases([path])
+    (case,) = load_cases([path], engines)
     return case
 
 

@@ -684,6 +684,7 @@ def trade_command(
             metavar=ERROR_METAVAR,
         ),
     ] = Errors.position,
+    engine: Engines = None,
     force: ForceOption = False,
 ) -> None:
     """Measure what accuracy costs: convergence series of settings, orders, error floors, costs.
@@ -695,7 +696,14 @@ def trade_command(
     from proofmass.commands.trade import run_trade
 
     run_trade(
-        paths, output, jobs, dask, longest, cast("Kind | None", run and run.value), error.value
+        paths,
+        output,
+        jobs,
+        dask,
+        longest,
+        cast("Kind | None", run and run.value),
+        error.value,
+        engine or [],
     )
 
 
@@ -816,6 +824,7 @@ def choose_command(
             help="Counted processor time of all runs of the search together.", metavar="SECONDS"
         ),
     ] = DEFAULT_SEARCH_BUDGET,
+    engine: Engines = None,
     force: ForceOption = False,
 ) -> None:
     """Find the cheapest setting whose error is no larger than the given one.
@@ -853,6 +862,7 @@ def choose_command(
         dask,
         longest,
         budget,
+        engine or [],
     )
 
 
@@ -872,6 +882,7 @@ def stress_command(
     jobs: Jobs = None,
     dask: Dask = None,
     only: Annotated[str, typer.Option(help="Only parameters whose names contain this text.")] = "",
+    engine: Engines = None,
     force: ForceOption = False,
 ) -> None:
     """Increase or decrease each parameter until a run fails, and bisect the boundary to 1 %.
@@ -884,7 +895,7 @@ def stress_command(
     """
     from proofmass.commands.stress import run_stress
 
-    run_stress(paths, output, jobs, dask, only)
+    run_stress(paths, output, jobs, dask, only, engine or [])
 
 
 @app.command("engines")

@@ -6,7 +6,12 @@ from pathlib import Path
 from proofmass.base.errors import InputError
 from proofmass.batch.check import collect_inputs
 from proofmass.batch.pool import pool
-from proofmass.commands.command import error_console, exit_on_error, progress_bar
+from proofmass.commands.command import (
+    error_console,
+    exit_on_error,
+    progress_bar,
+    provide_engines,
+)
 from proofmass.commands.studies import load_cases
 from proofmass.formats.terminal import make_console
 from proofmass.sim.model_source import ModelSource
@@ -27,13 +32,18 @@ from proofmass.studies.study import Study
 
 
 def run_stress(
-    paths: list[Path] | None, output: Path, jobs: int | None, dask: str | None, only: str
+    paths: list[Path] | None,
+    output: Path,
+    jobs: int | None,
+    dask: str | None,
+    only: str,
+    engines: list[str],
 ) -> None:
     """Run ``proofmass stress``; `proofmass.commands.cli` describes its arguments."""
     with exit_on_error(f"{output} keeps the runs"):
         from proofmass.studies.stress.page import write_stress  # matplotlib is slow to load
 
-        found = search_cases(paths or [], output, jobs, dask, only)
+        found = search_cases(paths or [], output, jobs, dask, only, provide_engines(engines))
         write_boundaries(found, output / "stress.csv")
         console = make_console()
         console.print(result_table(found))
@@ -43,7 +53,12 @@ def run_stress(
 
 
 def search_cases(
-    paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
+    paths: list[Path],
+    folder: Path,
+    jobs: int | None,
+    dask: str | None,
+    only: str,
+    engines: tuple[str, ...] = (),
 ) -> list[Boundary]:
     """Find boundaries with a progress bar on standard error, and print which do not apply."""
     study = Study(Store(folder / "runs"))
@@ -55,7 +70,7 @@ def search_cases(
     for file in (file for file in files if file.suffix != ".toml"):
         searches += search_without_sidecar(file, study.store, alone=len(files) == 1)
     sidecars = [file for file in files if file.suffix == ".toml"]
-    for case in load_cases(sidecars) if sidecars else ():
+    for case in load_cases(sidecars, engines) if sidecars else ():
         ours, skipped = list_extremes(case, study)
         searches += ours
         for why in skipped:

@@ -11,15 +11,17 @@ from proofmass.base.files import protect
 from proofmass.batch.check import collect_inputs, load_validated, rename_case, unique_names
 from proofmass.case.case import Case
 from proofmass.commands.command import error_console
+from proofmass.run.asked import with_engines
 from proofmass.run.case_files import input_files
 from proofmass.run.solve import with_computing_solvers
 
 
-def load_cases(paths: list[Path]) -> list[Case]:
+def load_cases(paths: list[Path], engines: tuple[str, ...] = ()) -> list[Case]:
     """Load all cases below the paths; raise the first error of any of them.
 
     Paths are made absolute, since workers of a cluster run in other folders.  Models without a
     sidecar are passed over with a message; if there are no others, the first of them is the error.
+    `engines` that a command asks for replace the solvers of the cases.
     """
     problems: list[InputError] = []
     files = collect_inputs(paths, problems)
@@ -43,6 +45,8 @@ def load_cases(paths: list[Path]) -> list[Case]:
         raise (problems or without_sidecar)[0]
     for problem in without_sidecar:
         error_console.print(f"passed over: {problem}", markup=False)
+    if engines:
+        cases = [with_engines(case, engines) for case in cases]
     return [without_recorded_solvers(case) for case in cases]
 
 

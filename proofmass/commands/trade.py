@@ -9,7 +9,12 @@ from rich.table import Table
 from proofmass.base.strict import Kind
 from proofmass.batch.pool import pool
 from proofmass.case.case import Case
-from proofmass.commands.command import error_console, exit_on_error, progress_bar
+from proofmass.commands.command import (
+    error_console,
+    exit_on_error,
+    progress_bar,
+    provide_engines,
+)
 from proofmass.commands.studies import load_cases, require_seconds
 from proofmass.formats.terminal import make_console, three_digits
 from proofmass.studies import DEFAULT_LONGEST_RUN
@@ -41,12 +46,14 @@ def run_trade(
     longest: float,
     kind: Kind | None,
     error: str,
+    engines: list[str],
 ) -> None:
     """Run the command ``proofmass trade``; `proofmass.commands.cli` describes its options."""
     with exit_on_error(f"{output} keeps the runs"):
         from proofmass.studies.trade.page import write_trade  # matplotlib is slow to load
 
-        if not (cases := [case for case in load_cases(paths) if has_series(case, kind)]):
+        loaded = load_cases(paths, provide_engines(engines))
+        if not (cases := [case for case in loaded if has_series(case, kind)]):
             raise typer.Exit(0)
         study = measure_cases(
             cases, output, jobs, dask, kind, require_seconds("--longest", longest)

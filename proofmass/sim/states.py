@@ -1,5 +1,6 @@
 """Curves of all channels from the states of the links of a mechanism at the samples."""
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,17 +10,29 @@ from scipy.spatial.transform import Rotation
 
 from proofmass.analytic.numerics import unwrap_quaternions
 from proofmass.base.arrays import Array
-from proofmass.sim.contents import format_parts, sensor_names, sensor_parts, straight_tendon
+from proofmass.sim.contents import (
+    format_parts,
+    gear_of_force,
+    is_linear_in_joint,
+    joint_of,
+    sensor_names,
+    sensor_parts,
+    straight_tendon,
+)
 from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
 from proofmass.sim.neutral import NeutralReader
 from proofmass.sim.protocol.curves import Curves, split_channel
 from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
+from proofmass.sim.smooth import SmoothTerms
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 MAX_OPENING_SHARE = 0.1
 """Opening of a loop or a joint, as a share of the size, beyond which a run has failed."""
 RANGE_ROUNDING = 1e-6
 """Distance by which a joint may pass the end of its range [rad or m], since it may end on it."""
+ROW_SHARE = 1e-10
+"""Singular value, as a share of the largest, below which rows of constraints are redundant: those
+of loops that are planar in the coordinates themselves, to rounding."""
 POINT_SENSORS = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2}
 AXIS_SENSORS = {S.mjSENS_FRAMEXAXIS: 0, S.mjSENS_FRAMEYAXIS: 1, S.mjSENS_FRAMEZAXIS: 2}
 JOINT_SENSORS = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1}
@@ -291,6 +304,52 @@ class StateCurves:
             return self.states.alpha[:, link, "xyz".index(part)]
         return None
 
+    def force_channel(self, s: int, kind: mujoco.mjtSensor, part: str) -> Array | str | None:
+        """The moment of a drive, or the force of a motor on a joint without one."""
+        if kind not in (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC):
+            return None
+        model, obj = self.reader.model, int(self.reader.model.sensor_objid[s])
+        on_actuator = kind == S.mjSENS_ACTUATORFRC
+        joint = joint_of(model, obj) if on_actuator else obj
+        if joint in self.reader.driven:
+            gear = gear_of_force(model, obj) if on_actuator else 1.0
+            moments = self.drive_moments
+            if isinstance(moments, str):
+                return moments
+            return moments[:, self.reader.driven.index(joint)] / gear
+        if not on_actuator or is_linear_in_joint(model, obj):
+            return "the force of a servo is not evaluated from the states of links"
+        force = self.reader.actuator_force(obj)
+        places = slice(None, None, 2 * self.mechanism.count)
+        return np.resize(force[places], len(self.states.place))
+
+    @cached_property
+    def drive_moments(self) -> Array | str:
+        """Moments that the mechanism needs from its drives (n, drives) [N m or N], or why not.
+
+        They follow from the balance of all joints at the coordinates, rates and accelerations of
+        the run, ``M a + h = Q + J^T f + S^T moment``, with the equations of MuJoCo and without its
+        soft constraints.
+        """
+        model, driven = copy(self.reader.model), list(self.reader.driven)
+        if any(one.kind not in ("hinge", "slide") for one in self.mechanism.joints):
+            return "moments of drives are evaluated for hinges and slides only"
+        dofs = model.jnt_dofadr[driven]
+        if model.dof_frictionloss[dofs].any() or model.dof_dampingpoly[dofs].any():
+            return "dry friction and polynomial damping of a driven joint are left out"
+        for a in range(model.nactuator):
+            if joint_of(model, a) in driven:
+                model.actuator_gainprm[a] = model.actuator_biasprm[a] = 0.0
+        terms, found = SmoothTerms(model, self.reader.run.start), []
+        motions = np.array([self.joint(j) for j in range(model.njnt)])  # (joints, 3, n)
+        controls = self.reader.controls[:, :: 2 * self.mechanism.count]
+        for k, (q, v, a) in enumerate(np.moveaxis(motions, -1, 0).swapaxes(1, 2)):
+            own = terms.terms(q, v, controls[:, min(k, controls.shape[1] - 1)])
+            rows = np.vstack([own.jacobian, np.eye(model.nv)[dofs]])
+            needed = own.mass @ a + own.bias - own.force
+            found.append(np.linalg.lstsq(rows.T, needed, rcond=ROW_SHARE)[0][-len(dofs) :])
+        return np.array(found).reshape(-1, len(dofs))
+
     def direction(self, link: int, axis: Array, part: str) -> Array:
         """A component, or the angle in the plane, of a direction that is fixed in a link."""
         world = self.states.turn[:, link] @ axis
@@ -299,4 +358,4 @@ class StateCurves:
         x, y = (world @ self.mechanism.plane[:2].T).T
         return np.unwrap(np.arctan2(y, x))
 
-    readers = (joint_channel, tendon_channel, energy_channel, frame_channel)
+    readers = (joint_channel, tendon_channel, energy_channel, frame_channel, force_channel)

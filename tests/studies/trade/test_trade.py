@@ -529,3 +529,16 @@ def test_a_run_without_convergence_series_is_reported(tmp_path):
     answer = run_trade(shipped("fourbar.toml"), "--run", "sweep", "-o", tmp_path)
     assert answer.exit_code == 0
     assert "no convergence series in its sweep" in answer.output
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_engines_that_a_command_asks_for_have_the_only_series(tmp_path, monkeypatch):
+    """--engine replaces the engines of the sidecar."""
+    monkeypatch.setattr(import_module("proofmass.run.solve"), "MAX_FORCE_EVALUATIONS", 1e3)
+    answer = run_trade(shipped("pendulum.toml"), "-o", tmp_path, "--engine", "pymunk")
+    assert answer.exit_code == 0, answer.output
+    assert "pymunk" in answer.output
+    assert "MuJoCo" not in answer.output
+    wrong = run_trade(shipped("pendulum.toml"), "-o", tmp_path, "--engine", "pymunc")
+    assert wrong.exit_code == 2
+    assert "pymunk" in wrong.output
