@@ -9,6 +9,14 @@ It needs Python 3.9 and NumPy, and imports nothing of proofmass.  A script of an
     def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates: ...
 """
 
+from .geometry import frame_of_axis, in_space, matrix_of, turn_about
+from .impulses import (
+    link_forces,
+    slide_motion,
+    start_of_links,
+    start_openings,
+    start_velocity,
+)
 from .mechanism import (
     DriveRows,
     LinkStates,
@@ -21,15 +29,7 @@ from .mechanism import (
     NeutralMechanism,
     NeutralSpring,
 )
-from .record import (
-    Refused,
-    Stopwatch,
-    frame_of_axis,
-    in_space,
-    matrix_of,
-    record,
-    turn_about,
-)
+from .record import Refused, Stopwatch, record
 
 __all__ = [
     "DriveRows",
@@ -46,7 +46,12 @@ __all__ = [
     "Stopwatch",
     "frame_of_axis",
     "in_space",
+    "link_forces",
     "matrix_of",
     "record",
+    "slide_motion",
+    "start_of_links",
+    "start_openings",
+    "start_velocity",
     "turn_about",
 ]

@@ -1,4 +1,4 @@
-"""Steps from sample to sample, and what the scripts of engines need of geometry."""
+"""Steps from sample to sample."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from .geometry import LinkMotion
+from .joint_rates import follow_joints
 from .mechanism import LinkStates, NeutralMechanism, PlainArray
 
 LOST_SIZES = 1e3
@@ -29,13 +31,11 @@ class Stopwatch:
         self.seconds = time.process_time() - self.began
 
 
-LinkMotion = tuple
-"""Place (3,), rotation (3, 3), velocity (3,) and angular velocity (3,) of a link; engines with
-exact accelerations add the acceleration (3,) and the angular acceleration (3,)."""
-
-
 def record(
-    mechanism: NeutralMechanism, step: Callable[[int], None], read: Callable[[int], LinkMotion]
+    mechanism: NeutralMechanism,
+    step: Callable[[int], None],
+    read: Callable[[int], LinkMotion],
+    joint: Callable[[int], tuple] | None = None,
 ) -> LinkStates:
     """Step through a run, and record the states of all links at its samples.
 
@@ -51,6 +51,10 @@ def record(
         ``step(i)`` makes step number i.
     read : callable
         ``read(k)`` is the `LinkMotion` of link number k, the ground excluded.
+    joint : callable, optional
+        ``joint(j)`` are the coordinate, 0 at the start, and the rate of hinge or slide number j, in
+        an engine that has them and no accelerations.  Where rates are those in the middle of steps,
+        the velocities of links then follow from those of joints, see `follow_joints`.
 
     Returns
     -------
@@ -60,6 +64,9 @@ def record(
     states, links = LinkStates.empty(mechanism), range(1, len(mechanism.links))
     count, h, middle = mechanism.count, mechanism.step, mechanism.rates_at < 0
     number, watch = 0, Stopwatch()
+    singles = [j for j, one in enumerate(mechanism.joints) if one.kind in ("hinge", "slide")]
+    if joint:
+        states.coordinates = np.full((3, mechanism.samples, len(mechanism.joints)), np.nan)
     with watch, np.errstate(all="ignore"):
         for sample in range(mechanism.samples):
             motions = [read(k) for k in links]
@@ -73,70 +80,38 @@ def record(
                 states.velocity[sample, k], states.omega[sample, k] = one[2], one[3]
                 if exact:
                     states.acceleration[sample, k], states.alpha[sample, k] = one[4], one[5]
+            if joint is not None:
+                for j in singles:
+                    value, rate = joint(j)
+                    states.coordinates[:2, sample, j] = value + mechanism.joints[j].value, rate
             last = sample == mechanism.samples - 1
             for c in range((0 if exact else 1) if last else count):
                 step(number)
                 number += 1
                 if c == 0 and not exact:
                     for k in links:
-                        _, _, velocity, omega = read(k)
-                        before = states.velocity[sample, k], states.omega[sample, k].copy()
-                        states.acceleration[sample, k] = (velocity - before[0]) / h
-                        states.alpha[sample, k] = (omega - before[1]) / h
-                        if middle:
-                            states.velocity[sample, k] = 0.5 * (velocity + before[0])
-                            states.omega[sample, k] = 0.5 * (omega + before[1])
+                        rates = (states.velocity, states.acceleration), (states.omega, states.alpha)
+                        for (rate, change), now in zip(rates, read(k)[2:]):
+                            take_difference(rate[sample, k], change[sample, k], now, h, middle)
+                    if joint is not None:
+                        for j in singles:
+                            _, rate, change = states.coordinates[:, sample, j, None]
+                            take_difference(rate, change, joint(j)[1], h, middle)
         else:
             found = states
+    if joint and middle:
+        follow_joints(mechanism, found)
     found.seconds = watch.seconds
     return found
 
 
-def matrix_of(quaternion: PlainArray) -> PlainArray:
-    """The rotation matrix (3, 3) of a quaternion (w, x, y, z).
+def take_difference(
+    rate: PlainArray, change: PlainArray, later: PlainArray, step: float, middle: bool
+) -> None:
+    """Set an acceleration from rates before and behind a step, and the rate to their mean.
 
-    >>> matrix_of(np.array([1.0, 0.0, 0.0, 1.0])).round(12).tolist()
-    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    The rate remains as it is unless the rates are those in the `middle` of steps.
     """
-    w, x, y, z = np.asarray(quaternion, float) / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def turn_about(axis: PlainArray, angle: float) -> PlainArray:
-    """The rotation matrix (3, 3) about a unit axis by an angle [rad]."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-
-
-def frame_of_axis(axis: PlainArray) -> PlainArray:
-    """A rotation matrix (3, 3) whose third column is an axis."""
-    z = np.asarray(axis, float) / np.linalg.norm(axis)
-    x = np.eye(3)[int(np.argmin(np.abs(z)))]
-    x = x - (x @ z) * z
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
-
-
-def in_space(
-    mechanism: NeutralMechanism, link: int, at: PlainArray, angle: float, rates: PlainArray
-) -> LinkMotion:
-    """The motion of a link of a planar engine in the world.
-
-    `at` is the centre in the plane (2,) [m], `angle` the rotation since the start [rad], and
-    `rates` the velocity of the centre and the angular rate (3,).
-    """
-    e1, e2, normal = mechanism.plane
-    height = mechanism.links[link].centre @ normal
-    return (
-        at[0] * e1 + at[1] * e2 + height * normal,
-        turn_about(normal, angle),
-        rates[0] * e1 + rates[1] * e2,
-        rates[2] * normal,
-    )
+    change[...] = (later - rate) / step
+    if middle:
+        rate[...] = 0.5 * (later + rate)

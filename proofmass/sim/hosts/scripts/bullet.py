@@ -1,0 +1,160 @@
+"""Bullet by pybullet: trees in reduced coordinates, loops by impulses, semi-implicit Euler.
+
+A free link is the base of a tree of its own; all others are one tree.  Drives are motors without
+limit; loops and gears are Bullet's.  Springs, dampers and loads are applied by hand at the state at
+the beginning of a step.  In the half-step reading its rates are half a step old: dampers, and the
+Coriolis forces of Bullet, are of first order in the step, and all else is of second order.
+"""
+
+from importlib.metadata import version
+
+import numpy as np
+import proofmass_host as host
+import pybullet as bullet
+
+VERSIONS = {"pybullet": version("pybullet"), "numpy": np.__version__}
+ERROR_REDUCTION, NO_LIMIT = 1.0, 1e12  # a step closes all of an opening, unless by default
+KINDS = {"hinge": "continuous", "slide": "prismatic", "ball": "spherical"}
+LINK = """<link name="{name}"><inertial><origin xyz="{at[0]} {at[1]} {at[2]}"/>
+<mass value="{mass}"/><inertia ixx="{0[0]}" ixy="{0[1]}" ixz="{0[2]}" iyy="{1[1]}" iyz="{1[2]}"
+izz="{2[2]}"/></inertial></link>"""
+JOINT = """<joint name="joint{j}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
+<origin xyz="{at[0]} {at[1]} {at[2]}"/><axis xyz="{axis[0]} {axis[1]} {axis[2]}"/>
+<limit lower="1" upper="-1" effort="0" velocity="0"/></joint>"""  # no limit if lower > upper
+
+
+def matrix(quaternion):
+    """The rotation matrix of a quaternion of Bullet (x, y, z, w)."""
+    return host.matrix_of(np.roll(quaternion, 1))
+
+
+def tree_text(mechanism, root):
+    """URDF of the tree on a link; the frames of the others are at their joints."""
+    base, ends = mechanism.links[root], {root: (f"link{root}", mechanism.links[root].centre)}
+    lines = [LINK.format(*base.inertia, name=ends[root][0], at=np.zeros(3), mass=base.mass)]
+    for j, one in enumerate(mechanism.joints):
+        if one.kind == "free" or one.parent not in ends:
+            continue
+        k, link, own = one.child, mechanism.links[one.child], mechanism.joints_of(one.child)
+        last = j == own[-1]  # the others of a row have links without mass
+        parent, origin = ends[one.parent if j == own[0] else k]
+        child = f"link{k}" if last else f"row{j}"
+        what = {"kind": KINDS[one.kind], "parent": parent, "child": child, "axis": one.axis}
+        lines.append(JOINT.format(j=j, at=one.anchor - origin, **what))
+        what = {"name": child, "at": link.centre - one.anchor, "mass": last * link.mass}
+        lines.append(LINK.format(*last * link.inertia, **what))
+        ends[k] = child, one.anchor
+    return "\n".join(['<robot name="tree">', *lines, "</robot>"])
+
+
+class BulletTrees:
+    """A mechanism in Bullet: body and index of its links, `places`, and of its `joints`."""
+
+    def __init__(self, mechanism, settings):
+        self.mechanism, self.places, self.joints = mechanism, {}, {}
+        bullet.setGravity(*mechanism.gravity)
+        bullet.setTimeStep(mechanism.step)
+        for root in [0, *(one.child for one in mechanism.joints if one.kind == "free")]:
+            self.load_tree(root, settings["defaults"])
+        self.places[0] = -1, -1  # not the base, which Bullet does not take in constraints
+        if not settings["defaults"]:
+            own = {"solverResidualThreshold": 0.0, "erp": ERROR_REDUCTION}
+            bullet.setPhysicsEngineParameter(numSolverIterations=settings["iterations"], **own)
+        for loop in mechanism.loops:
+            a, b = (loop.a, loop.on_a), (loop.b, loop.on_b)
+            self.join(*(a, b) if loop.a else (b, a))
+        for gear in mechanism.gears:
+            ends = *self.joints[gear.one], *self.joints[gear.two]
+            made = bullet.createConstraint(*ends, bullet.JOINT_GEAR, *[[0.0] * 3] * 3)
+            bullet.changeConstraint(made, gearRatio=-gear.ratio, maxForce=NO_LIMIT)
+        for j, motion in enumerate(host.start_openings(mechanism, ERROR_REDUCTION)):
+            self.start(j, motion)
+
+    def load_tree(self, root, damped):
+        """Load the tree on a link."""
+        flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_MAINTAIN_LINK_ORDER
+        path = f"tree{root}.urdf"  # Bullet keeps a file that it has read by its name
+        with open(path, "w") as file:
+            file.write(tree_text(self.mechanism, root))
+        where = {"basePosition": self.mechanism.links[root].centre, "useFixedBase": root == 0}
+        body = bullet.loadURDF(path, flags=flags, **where)
+        self.places[root] = body, -1
+        own = {} if damped else {"linearDamping": 0.0, "angularDamping": 0.0}
+        bullet.changeDynamics(body, -1, maxJointVelocity=NO_LIMIT, **own)
+        for i in range(bullet.getNumJoints(body)):
+            info = bullet.getJointInfo(body, i)
+            self.joints[int(info[1][5:])] = body, i
+            if info[12].startswith(b"link"):
+                self.places[int(info[12][4:])] = body, i
+
+    def join(self, *ends):
+        """Join two links, of which the first is not the ground, at points of the start pose."""
+        points = [list(self.axes(k).T @ (at - self.mechanism.links[k].centre)) for k, at in ends]
+        links = [one for k, _ in ends for one in self.places[k]]
+        made = bullet.createConstraint(*links, bullet.JOINT_POINT2POINT, [0.0] * 3, *points)
+        bullet.changeConstraint(made, maxForce=NO_LIMIT)
+
+    def axes(self, k):
+        """The principal axes of inertia of a link in the start pose, to which Bullet turns it."""
+        return matrix(bullet.getDynamicsInfo(*self.places[k])[4]) if k else np.eye(3)
+
+    def start(self, j, motion):
+        """Set the coordinates and rates of a joint, and take Bullet's motor off it."""
+        joint, at, turn = self.mechanism.joints[j], self.joints.get(j), [*motion[0] / 2, 1.0]
+        link, base = self.mechanism.links[joint.child], self.mechanism.links[joint.parent]
+        if joint.armature:
+            raise host.Refused(f"Bullet has no armature, such as that of joint {joint.name!r}")
+        if joint.kind == "free":
+            k, body = joint.child, self.places[joint.child][0]
+            frame, half = np.array(bullet.getBasePositionAndOrientation(body)[1]), motion[0] / 2
+            frame += np.append(np.cross(half, frame[:3]) + frame[3] * half, -half @ frame[:3])
+            bullet.resetBasePositionAndOrientation(body, link.centre + motion[1], frame)
+            bullet.resetBaseVelocity(body, host.start_velocity(self.mechanism, k), link.omega)
+        elif joint.kind == "ball":
+            bullet.resetJointStateMultiDof(*at, turn, list(link.omega - base.omega))
+            bullet.setJointMotorControlMultiDof(*at, bullet.POSITION_CONTROL, turn, force=[0.0] * 3)
+        else:
+            bullet.resetJointState(*at, motion.sum(axis=0) @ joint.axis, joint.rate)
+            bullet.setJointMotorControl2(*at, bullet.VELOCITY_CONTROL, force=0)
+
+    def step(self, i):
+        """Step number i, with the forces on joints and links, and the rates of drives."""
+        for j, joint in enumerate(self.mechanism.joints):
+            drive, where = self.mechanism.drive_of(j), self.joints.get(j)
+            if drive:
+                way = drive.value[2 * (i + 1)] - joint.value - bullet.getJointState(*where)[0]
+                goal = {"targetVelocity": way / self.mechanism.step, "force": NO_LIMIT}
+                bullet.setJointMotorControl2(*where, bullet.VELOCITY_CONTROL, **goal)
+            elif joint.is_sprung or joint.damping or joint.is_forced:
+                value, rate = bullet.getJointState(*where)[:2]
+                force = joint.passive_force(joint.value + value, rate) + joint.force_in(i)
+                bullet.setJointMotorControl2(*where, bullet.TORQUE_CONTROL, force=force)
+        for k, place, force, moment in host.link_forces(self.mechanism, i, self.read):
+            bullet.applyExternalForce(*self.places[k], force, place, bullet.WORLD_FRAME)
+            bullet.applyExternalTorque(*self.places[k], moment, bullet.WORLD_FRAME)
+        bullet.stepSimulation()
+
+    def read(self, k):
+        """The motion of a link."""
+        body, i = self.places[k]
+        if i < 0:
+            state, rates = bullet.getBasePositionAndOrientation(body), bullet.getBaseVelocity(body)
+        else:
+            state = bullet.getLinkState(body, i, 1, 1)
+            rates = state[6:8]  # its orientation number 5 is in single precision
+        turn = matrix(state[1]) @ self.axes(k).T
+        return np.array(state[0]), turn, *map(np.array, rates)
+
+    def joint(self, j):
+        """Coordinate and rate of a hinge or slide."""
+        return bullet.getJointState(*self.joints[j])[:2]
+
+
+def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
+    """Step the trees through the run."""
+    bullet.connect(bullet.DIRECT)
+    try:
+        trees = BulletTrees(mechanism, settings)
+        return host.record(mechanism, trees.step, trees.read, trees.joint)
+    finally:
+        bullet.disconnect()

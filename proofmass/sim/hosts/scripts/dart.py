@@ -1,0 +1,130 @@
+"""DART: a tree in reduced coordinates, loops by impulses, semi-implicit Euler.
+
+Hinges, slides, balls and free links are DART's joints; several joints of a link in a row have
+massless links between them.  Loops are its ball joint constraints, and drives its velocity
+actuators.  Springs, dampers and loads are applied by hand in each step, at the coordinates and the
+rates at its beginning: DART's own are implicit, of first order.
+
+In the half-step reading these rates are half a step old.  Dampers and Coriolis forces, which DART
+takes at them too, are then of first order in the step, and all else is of second order.
+"""
+
+import dartpy as dart
+import numpy as np
+import proofmass_host as host
+
+VERSIONS = {"dartpy": dart.__version__, "numpy": np.__version__}
+LOOP = dart.constraint.BallJointConstraint
+ERROR_REDUCTIONS = {True: LOOP.getErrorReductionParameter(), False: 1.0}
+"""Share of the opening of a loop that a step closes: by the engine's defaults, or else."""
+FORCE, VELOCITY = dart.dynamics.ActuatorType.FORCE, dart.dynamics.ActuatorType.VELOCITY
+MAKERS = {"hinge": "Revolute", "slide": "Prismatic", "ball": "Ball", "free": "Free"}
+SINGLE = "hinge", "slide"
+
+
+class DartTree:
+    """A mechanism as a skeleton of DART.
+
+    `nodes` are those of the links, None for the ground; the frame of each is at its place in
+    `origins` in the start pose [m].
+    """
+
+    def __init__(self, mechanism, defaults):
+        self.mechanism, self.origins, self.nodes = mechanism, [np.zeros(3)], [None]
+        self.world, self.skeleton = dart.simulation.World(), dart.dynamics.Skeleton("mechanism")
+        self.joints = [None] * len(mechanism.joints)
+        self.world.setTimeStep(mechanism.step)
+        self.world.setGravity(mechanism.gravity)
+        for k in range(1, len(mechanism.links)):
+            self.add_link(k)
+        self.world.addSkeleton(self.skeleton)
+        options = self.world.getDeactivationOptions()
+        options.mEnabled = defaults  # slow skeletons would fall asleep
+        self.world.setDeactivationOptions(options)
+        LOOP.setErrorReductionParameter(ERROR_REDUCTIONS[defaults])
+        for loop in mechanism.loops:
+            nodes = [self.nodes[k] for k in (loop.a, loop.b) if k]
+            self.world.getConstraintSolver().addConstraint(LOOP(*nodes, loop.on_a))
+        openings = host.start_openings(mechanism, ERROR_REDUCTIONS[defaults])
+        for made, joint, motion in zip(self.joints, mechanism.joints, openings):
+            one = [motion.sum(axis=0) @ joint.axis]
+            made.setPositions(one if joint.kind in SINGLE else motion.ravel()[: made.getNumDofs()])
+
+    def add_link(self, k):
+        """Add a link with its joints."""
+        link, own = self.mechanism.links[k], self.mechanism.joints_of(k)
+        base = self.mechanism.joints[own[0]].parent
+        node, origin = self.nodes[base], self.origins[base]
+        for j in own:
+            joint = self.mechanism.joints[j]
+            if joint.armature:
+                raise host.Refused(f"DART has no armature, such as that of joint {joint.name!r}")
+            anchor = link.centre if joint.kind == "free" else joint.anchor
+            node = self.add_joint(j, node, anchor - origin)
+            origin = anchor
+            node.setInertia(dart.dynamics.Inertia(0.0, np.zeros(3), np.zeros((3, 3))))
+        node.setInertia(dart.dynamics.Inertia(link.mass, link.centre - origin, link.inertia))
+        self.nodes.append(node)
+        self.origins.append(origin)
+
+    def add_joint(self, j, parent, offset):
+        """Add a joint at an offset from the frame of its parent; returns its child."""
+        joint, place = self.mechanism.joints[j], dart.math.Isometry3()
+        make = getattr(self.skeleton, f"create{MAKERS[joint.kind]}JointAndBodyNodePair")
+        made, node = make() if parent is None else make(parent)
+        place.set_translation(offset)
+        made.setTransformFromParentBodyNode(place)
+        if joint.kind in SINGLE:
+            made.setAxis(joint.axis)
+            made.setVelocity(0, joint.rate)
+        else:
+            made.setVelocities(self.start_rates(joint))
+        if self.mechanism.drive_of(j):
+            made.setActuatorType(VELOCITY)
+        self.joints[j] = made
+        return node
+
+    def start_rates(self, joint):
+        """Rates of a ball (3,) or a free joint (6,) at the start."""
+        link, base = self.mechanism.links[joint.child], self.mechanism.links[joint.parent]
+        if joint.kind == "free":
+            velocity = host.start_velocity(self.mechanism, joint.child)
+            return np.concatenate([link.omega, velocity])
+        row = (self.mechanism.joints[j] for j in self.mechanism.joints_of(joint.child))
+        hinges = sum((one.rate * one.axis for one in row if one.kind == "hinge"), np.zeros(3))
+        return link.omega - base.omega - hinges
+
+    def step(self, i):
+        """Step number i, with the forces on joints and links, and the rates of drives."""
+        mechanism = self.mechanism
+        for drive in mechanism.drives:
+            made, start = self.joints[drive.joint], mechanism.joints[drive.joint].value
+            way = drive.value[2 * (i + 1)] - start - made.getPosition(0)
+            made.setCommand(0, float(way / mechanism.step))
+        for made, joint in zip(self.joints, mechanism.joints):
+            acts = joint.is_sprung or joint.damping or joint.is_forced
+            if acts and made.getActuatorType() == FORCE:
+                force = joint.passive_force(joint.value + made.getPosition(0), made.getVelocity(0))
+                made.setForce(0, force + joint.force_in(i))
+        for k, place, force, moment in host.link_forces(mechanism, i, self.read):
+            self.nodes[k].addExtForce(force, place, False, False)
+            self.nodes[k].addExtTorque(moment, False)
+        self.world.step()
+
+    def read(self, k):
+        """The motion of a link."""
+        node, arm = self.nodes[k], self.mechanism.links[k].centre - self.origins[k]
+        place, velocity = node.getWorldTransform(), node.getLinearVelocity(arm)
+        return place.multiply(arm), place.rotation(), velocity, node.getAngularVelocity()
+
+    def joint(self, j):
+        """Coordinate and rate of a hinge or slide."""
+        return self.joints[j].getPosition(0), self.joints[j].getVelocity(0)
+
+
+def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
+    """Step the skeleton through the run."""
+    for gear in mechanism.gears:
+        raise host.Refused(f"dartpy has no coupling of joints, such as gear {gear.name!r}")
+    tree = DartTree(mechanism, settings["defaults"])
+    return host.record(mechanism, tree.step, tree.read, tree.joint)

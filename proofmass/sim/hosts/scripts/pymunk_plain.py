@@ -1,0 +1,154 @@
+"""Chipmunk by pymunk of any version from 6.4 on, in its plain steps: bodies in the plane.
+
+A hinge is a pivot; a slide is a groove and a gear of ratio 1, with anchors by which the groove does
+not couple sliding with rotation.  A drive is a gear or a groove at right angles whose target moves.
+
+A step of Chipmunk moves the bodies by the velocities that they have, and then changes these.  What
+is read between two steps is the state between these two: velocities, and the places to which they
+are going to lead.  Springs, dampers and loads are applied by hand there; in the half-step reading
+the rate in a damper is half a step old, and dampers are of first order in the step.
+"""
+
+import numpy as np
+import proofmass_host as host
+import pymunk
+
+VERSIONS = {"pymunk": pymunk.version, "numpy": np.__version__}
+VERSIONS["chipmunk"] = pymunk.chipmunk_version
+CHIPMUNK_ITERATIONS = 10
+GROOVE_SIZES = 100.0
+"""Half length of the groove of a slide, in sizes of the mechanism."""
+
+
+class PlainSpace:
+    """A mechanism in a space of Chipmunk; `bodies` are those of the links."""
+
+    def __init__(self, mechanism, settings):
+        self.mechanism, self.space, defaults = mechanism, pymunk.Space(), settings["defaults"]
+        self.bodies = [self.space.static_body]
+        self.space.gravity = self.flat(mechanism.gravity)
+        self.space.iterations = CHIPMUNK_ITERATIONS if defaults else settings["iterations"]
+        for k, start in enumerate(zip(*host.start_of_links(mechanism))):
+            if k:
+                self.add_link(k, *start)
+        made = [one for j in range(len(mechanism.joints)) for one in self.joint_constraints(j)]
+        made += [self.pivot(one.a, one.b, one.on_a, one.on_b) for one in mechanism.loops]
+        made += [self.gear(one) for one in mechanism.gears]
+        self.drives = [self.driver(one.joint) for one in mechanism.drives]
+        for one in self.drives if defaults else [*made, *self.drives]:
+            one.error_bias = 0.0
+        self.space.add(*made, *self.drives)
+
+    def flat(self, vector):
+        """Components of a vector in the plane."""
+        x, y = self.mechanism.flat(vector)
+        return float(x), float(y)
+
+    def local(self, k, at):
+        """A point of a link, given in the start pose, in the coordinates of its body."""
+        return self.flat(at - self.mechanism.links[k].centre)
+
+    def add_link(self, k, place, turn, velocity):
+        """Add the body of a link, a step before its start."""
+        link, normal, h = self.mechanism.links[k], self.mechanism.plane[2], self.mechanism.step
+        moment = float(normal @ link.inertia @ normal)
+        for joint in (self.mechanism.joints[j] for j in self.mechanism.joints_of(k)):
+            if joint.armature and (joint.parent or joint.kind != "hinge"):
+                raise host.Refused(f"armature of joint {joint.name!r}, no hinge on the ground")
+            moment += joint.armature
+        body = pymunk.Body(link.mass, moment)
+        body.position = self.flat(place - h * velocity)
+        body.angle = float((turn - h * link.omega) @ normal)
+        body.velocity, body.angular_velocity = self.flat(velocity), float(link.omega @ normal)
+        self.space.add(body)
+        self.bodies.append(body)
+
+    def pivot(self, a, b, on_a, on_b):
+        """Join points of two links."""
+        ends = self.local(a, on_a), self.local(b, on_b)
+        return pymunk.PivotJoint(self.bodies[a], self.bodies[b], *ends)
+
+    def pair(self, j):
+        """The bodies of the parent and the child of a joint."""
+        joint = self.mechanism.joints[j]
+        return self.bodies[joint.parent], self.bodies[joint.child]
+
+    def groove(self, j, along=True):
+        """The groove of a slide in its parent, or one across it."""
+        joint, links, size = self.mechanism.joints[j], self.mechanism.links, self.mechanism.size
+        centre = links[joint.child].centre
+        foot = links[joint.parent].centre if joint.parent else centre
+        foot = foot + joint.axis * (joint.axis @ (centre - foot))
+        across = size * np.cross(self.mechanism.plane[2], joint.axis)
+        way = GROOVE_SIZES * size * joint.axis if along else across
+        ends = [self.local(joint.parent, at) for at in (foot - way, foot + way)]
+        return pymunk.GrooveJoint(*self.pair(j), *ends, self.local(joint.child, foot))
+
+    def joint_constraints(self, j):
+        """The constraints of a joint."""
+        joint = self.mechanism.joints[j]
+        if joint.kind == "hinge":
+            return [self.pivot(joint.parent, joint.child, joint.anchor, joint.anchor)]
+        return [pymunk.GearJoint(*self.pair(j), 0.0, 1.0), self.groove(j)]
+
+    def gear(self, gear):
+        """Couple two hinges, if that is a coupling of two links."""
+        shares, joints = np.zeros(len(self.bodies)), self.mechanism.joints
+        for j, share in ((gear.one, 1.0), (gear.two, -gear.ratio)):
+            shares[joints[j].child] += share * self.mechanism.turn_of(j)
+            shares[joints[j].parent] -= share * self.mechanism.turn_of(j)
+        pair = np.flatnonzero(shares[1:]) + 1
+        if len(pair) != 2 or "slide" in (joints[gear.one].kind, joints[gear.two].kind):
+            raise host.Refused(f"gear {gear.name!r}, which couples other than two links")
+        ratio = float(-shares[pair[1]] / shares[pair[0]])
+        return pymunk.GearJoint(*(self.bodies[k] for k in pair), 0.0, ratio)
+
+    def driver(self, j):
+        """The constraint of a drive, with its target at the start."""
+        if self.mechanism.joints[j].kind == "hinge":
+            return pymunk.GearJoint(*self.pair(j), 0.0, 1.0)
+        made = self.groove(j, along=False)
+        made.start = made.groove_a, made.groove_b
+        return made
+
+    def step(self, i):
+        """Step number i, with the targets of drives and the forces on links."""
+        for made, drive in zip(self.drives, self.mechanism.drives):
+            joint = self.mechanism.joints[drive.joint]
+            value = drive.value[2 * (i + 1)] - joint.value
+            if joint.kind == "hinge":
+                made.phase = float(self.mechanism.turn_of(drive.joint) * value)
+            else:
+                way = self.flat(value * joint.axis)
+                made.groove_a, made.groove_b = (end + way for end in made.start)
+        normal = self.mechanism.plane[2]
+        for k, place, force, moment in host.link_forces(self.mechanism, i, self.read, self.joint):
+            arm = place - self.read(k)[0]
+            self.bodies[k].force += self.flat(force)
+            self.bodies[k].torque += float((moment + np.cross(arm, force)) @ normal)
+        self.space.step(self.mechanism.step)
+
+    def read(self, k):
+        """The motion of a link, with the place to which its velocity is going to lead it."""
+        body, h = self.bodies[k], self.mechanism.step
+        rates = np.array([*body.velocity, body.angular_velocity])
+        *place, angle = np.array([*body.position, body.angle]) + h * rates
+        return host.in_space(self.mechanism, k, place, angle, rates)
+
+    def joint(self, j):
+        """Coordinate and rate of a hinge or slide, at the places of `read`."""
+        if self.mechanism.joints[j].kind == "slide":
+            return host.slide_motion(self.mechanism, j, self.read)
+        a, b = self.pair(j)
+        rate = b.angular_velocity - a.angular_velocity
+        value = b.angle - a.angle + self.mechanism.step * rate
+        return self.mechanism.turn_of(j) * value, self.mechanism.turn_of(j) * rate
+
+
+def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
+    """Step the space through the run."""
+    for k in range(1, len(mechanism.links)):
+        if len(mechanism.joints_of(k)) != 1:
+            raise host.Refused(f"link {mechanism.links[k].name!r} with several joints")
+    space = PlainSpace(mechanism, settings)
+    return host.record(mechanism, space.step, space.read)
