@@ -136,14 +136,17 @@ class StateCurves:
                 found = self.channel(name)
                 if isinstance(found, str):
                     missing[name] = found
-                elif np.isnan(found).all():
+                elif found.size and np.isnan(found).all():
                     missing[name] = "the engine has no accelerations"
                 else:
                     channels[name] = found
         drive = None
         if mechanism.drives and n:
             motions = [self.joint(one.joint) for one in mechanism.drives]
-            drive = tuple(np.array(part) for part in zip(*motions, strict=True))
+            value, rate, acceleration = (np.array(p) for p in zip(*motions, strict=True))
+            if np.isnan(acceleration).all():  # the engine has none, and its drives are ideal
+                acceleration = run.motion(run.x[:n])[2]
+            drive = value, rate, acceleration
         if not stops:
             self.refuse_ends_of_ranges()
         open_ = ~(self.openings <= MAX_OPENING_SHARE * mechanism.size)
@@ -152,7 +155,7 @@ class StateCurves:
             run.x[:n],
             channels,
             missing,
-            drive=drive,  # type: ignore[arg-type]
+            drive=drive,
             violation=float(self.openings.max(initial=0.0)),
             seconds=self.states.seconds,
             steps=mechanism.steps,
