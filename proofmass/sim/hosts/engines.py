@@ -35,7 +35,7 @@ class PinocchioSettings(HostedSettings):
 class SimbodySettings(HostedSettings):
     """Settings of Simbody: Runge-Kutta-Merson with an error `accuracy` chooses its own steps."""
 
-    accuracy: StrictNumber = Field(1e-9, gt=0)
+    accuracy: StrictNumber = Field(1e-11, gt=0)
 
 
 class ExudynSettings(HostedSettings):
@@ -86,7 +86,7 @@ SIMBODY = HostedEngine(
     about=About(
         "exact constraints with projection; Runge-Kutta-Merson with chosen steps",
         "Apache-2.0",
-        "accuracy 1e-9",
+        "accuracy 1e-11",
         "Simbody is part of the package opensim",
     ),
     settings=SimbodySettings,

@@ -30,6 +30,7 @@ from .mechanism import (
     NeutralSpring,
 )
 from .record import Refused, Stopwatch, record
+from .runge_kutta import runge_kutta
 
 __all__ = [
     "DriveRows",
@@ -49,6 +50,7 @@ __all__ = [
     "link_forces",
     "matrix_of",
     "record",
+    "runge_kutta",
     "slide_motion",
     "start_of_links",
     "start_openings",

@@ -323,6 +323,26 @@ class NeutralMechanism:
         """Numbers of the joints whose child is a link, in the order in which they act."""
         return [j for j, one in enumerate(self.joints) if one.child == link]
 
+    def start_rates(self, joint: int) -> PlainArray:
+        """Rates of a joint at the start, in the axes of the world.
+
+        Returns
+        -------
+        ndarray (1,), (3,) or (6,)
+            The rate of a hinge or slide [rad/s or m/s]; the angular velocity of a ball [rad/s]; the
+            velocity of the anchor of a free joint [m/s] and its angular velocity.
+        """
+        one = self.joints[joint]
+        child, parent = self.links[one.child], self.links[one.parent]
+        if one.kind == "free":
+            arm = one.anchor - child.centre
+            return np.concatenate([child.velocity + np.cross(child.omega, arm), child.omega])
+        if one.kind == "ball":
+            hinges = [self.joints[j] for j in self.joints_of(one.child)]
+            turning = [other.axis * other.rate for other in hinges if other.kind == "hinge"]
+            return np.asarray(child.omega - parent.omega - sum(turning, np.zeros(3)))
+        return np.array([one.rate])
+
     def drive_of(self, joint: int) -> Any:
         """The drive of a joint, or None."""
         return next((one for one in self.drives if one.joint == joint), None)

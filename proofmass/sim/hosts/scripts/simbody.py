@@ -1,0 +1,160 @@
+"""Simbody through OpenSim: joint coordinates, projected constraints, and steps that it chooses.
+
+All are its own elements: drives are prescribed motions, loads prescribed forces, springs are
+expressions, tables in time splines; several joints of a link act through bodies without mass.
+"""
+
+import numpy as np
+import opensim
+from proofmass_host import LinkStates, NeutralMechanism, Refused, Stopwatch
+
+opensim.Logger.setLevelString("Off")
+VERSIONS = {"opensim": opensim.__version__, "numpy": np.__version__}
+KINDS = {"hinge": "PinJoint", "slide": "SliderJoint", "ball": "BallJoint", "free": "FreeJoint"}
+AXES = {"hinge": opensim.CoordinateAxis(2), "slide": opensim.CoordinateAxis(0)}
+RATES = "LinearVelocity", "AngularVelocity", "LinearAcceleration", "AngularAcceleration"
+KNOTS = 20  # entries of the spline of a drive before and behind its table
+
+
+def function_of(table, half, first=0):
+    """The function of a table at half steps from a number on: a constant, a line or a spline."""
+    if table.size == 1:
+        return opensim.Constant(float(table[0]))
+    line, slope = np.linspace(table[0], table[-1], table.size, retstep=True)
+    if np.abs(line - table).max() <= 1e-13 * np.abs(table).max():
+        return opensim.LinearFunction(float(slope) / half, float(table[0] - slope * first))
+    spline = opensim.GCVSpline()
+    spline.setDegree(3)
+    for i, one in enumerate(table.tolist(), first):
+        spline.addPoint(half * i, one)
+    return spline
+
+
+def motion_of(drive, half, start):
+    """The motion of a drive from a start on, which goes on smoothly beside its table."""
+    beside, parts, a = half * np.arange(1, KNOTS + 1), [], drive.acceleration
+    for end, jump, dt in ((0, a[1] - a[0], -beside[::-1]), (-1, a[-1] - a[-2], beside)):
+        second = a[end] / 2.0 + dt * jump / half / 6.0
+        parts.append(drive.value[end] + dt * (drive.rate[end] + dt * second))
+    return function_of(np.concatenate([parts[0], drive.value, parts[1]]) - start, half, -KNOTS)
+
+
+class OpenSimModel:
+    """A mechanism as a model of OpenSim, whose bodies have their origins at the centres of mass."""
+
+    def __init__(self, mechanism):
+        self.mechanism, self.model, joints = mechanism, opensim.Model(), mechanism.joints
+        self.model.setGravity(opensim.Vec3.createFromMat(mechanism.gravity))
+        self.model.set_assembly_accuracy(1e-14)
+        self.bodies, self.half = [self.model.getGround()] * len(mechanism.links), mechanism.step / 2
+        self.coordinates = [self.add_joint(j, one) for j, one in enumerate(joints)]
+        for loop in mechanism.loops:
+            ends = (*self.end(loop.a, loop.on_a), *self.end(loop.b, loop.on_b))
+            self.model.addConstraint(opensim.PointConstraint(*ends))
+        for gear in mechanism.gears:
+            level = gear.level + gear.ratio * joints[gear.two].value - joints[gear.one].value
+            coupler = opensim.CoordinateCouplerConstraint()
+            coupler.setIndependentCoordinateNames(opensim.ArrayStr(f"q{gear.two}_0", 1))
+            coupler.setDependentCoordinateName(f"q{gear.one}_0")
+            coupler.setFunction(opensim.LinearFunction(float(gear.ratio), float(level)))
+            self.model.addConstraint(coupler)
+        self.add_springs_and_loads()
+
+    def end(self, link, at):
+        """A body and a point of it, given at the start."""
+        arm = at - self.mechanism.links[link].centre
+        return self.bodies[link], opensim.Vec3.createFromMat(arm)
+
+    def add_joint(self, j, one):
+        """Add a joint and the body that it moves; returns its coordinate."""
+        row, links = self.mechanism.joints_of(one.child), self.mechanism.links
+        base = self.end(one.parent if j == row[0] else one.child, one.anchor)
+        child, share = links[one.child], float(j == row[-1])
+        six = (share * child.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]).tolist()
+        body = opensim.Body(f"body_{j}", share * child.mass, opensim.Vec3(0), opensim.Inertia(*six))
+        self.model.addBody(body)
+        self.bodies[one.child], angles = body, opensim.Vec3(0)
+        if one.kind in AXES:
+            turn = opensim.Rotation(opensim.UnitVec3(*one.axis.tolist()), AXES[one.kind])
+            angles = turn.convertRotationToBodyFixedXYZ()
+        sides = (*base, angles, *self.end(one.child, one.anchor), angles)
+        joint = getattr(opensim, KINDS[one.kind])(f"joint_{j}", *sides)
+        rates = np.roll(self.mechanism.start_rates(j), 3 if one.kind == "free" else 0)
+        for i, rate in enumerate(rates.tolist()):
+            joint.upd_coordinates(i).setName(f"q{j}_{i}")
+            joint.upd_coordinates(i).setDefaultSpeedValue(rate)
+            self.act_in_joint(j, one, joint.upd_coordinates(i))
+        self.model.addJoint(joint)
+        return joint.get_coordinates(0)
+
+    def act_in_joint(self, j, one, coordinate):
+        """Add the drive of a coordinate, or its spring, damper and motor."""
+        drive, name = self.mechanism.drive_of(j), coordinate.getName()
+        if drive:
+            coordinate.setPrescribedFunction(motion_of(drive, self.half, one.value))
+            coordinate.setDefaultIsPrescribed(True)
+            return
+        if one.armature:
+            raise Refused(f"armature of joint {one.name!r}")
+        (k, a, b), x = one.spring.tolist(), f"(q+{one.value - one.rest!r})"
+        text = f"-{x}*({k!r}+{x}*({a!r}+{x}*{b!r}))-({one.damping!r})*qdot"
+        self.model.addForce(opensim.ExpressionBasedCoordinateForce(name, text))
+        if one.is_forced:
+            motor, control = opensim.CoordinateActuator(name), opensim.PrescribedController()
+            motor.setName(f"motor_{j}")
+            self.model.addForce(motor)
+            control.addActuator(motor)
+            control.prescribeControlForActuator(f"motor_{j}", function_of(one.force, self.half))
+            self.model.addController(control)
+
+    def add_springs_and_loads(self):
+        """Add springs between points, slack in their ranges, and loads on links."""
+        for one in self.mechanism.springs:
+            (a, at_a), (b, at_b) = self.end(one.a, one.on_a), self.end(one.b, one.on_b)
+            ends = a.getAbsolutePathString(), at_a, b.getAbsolutePathString(), at_b
+            low, high = one.slack
+            pull = f"{one.stiffness!r}*(d-min(max(d,{low!r}),{high!r}))+{one.damping!r}*ddot"
+            self.model.addForce(opensim.ExpressionBasedPointToPointForce(*ends, pull))
+        for k, one in enumerate(self.mechanism.loads):
+            body, at = self.end(one.link, one.at)
+            load = opensim.PrescribedForce(f"load_{k}", body)
+            load.setForceIsInGlobalFrame(not one.follows)
+            load.setPointFunctions(*map(opensim.Constant, at.to_numpy().tolist()))
+            load.setForceFunctions(*(function_of(one.share * x, self.half) for x in one.force))
+            load.setTorqueFunctions(*(function_of(one.share * x, self.half) for x in one.moment))
+            self.model.addForce(load)
+
+    def read(self, states, sample, state):
+        """Keep the states of all links and joints at a sample."""
+        self.model.realizeAcceleration(state)
+        for k, body in enumerate(self.bodies[1:], 1):
+            frame, rows = body.getTransformInGround(state), (states.velocity, states.omega)
+            states.place[sample, k] = frame.p().to_numpy()
+            states.turn[sample, k].flat = [frame.R().get(i, j) for i in range(3) for j in range(3)]
+            for row, of in zip((*rows, states.acceleration, states.alpha), RATES):
+                row[sample, k] = getattr(body, f"get{of}InGround")(state).to_numpy()
+        for j, (one, q) in enumerate(zip(self.mechanism.joints, self.coordinates)):
+            if one.kind in AXES:
+                moves = q.getValue(state), q.getSpeedValue(state), q.getAccelerationValue(state)
+                states.coordinates[:, sample, j] = one.value + moves[0], *moves[1:]
+
+
+def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
+    """Integrate from sample to sample."""
+    own, states = OpenSimModel(mechanism), LinkStates.empty(mechanism)
+    states.coordinates = np.full((3, mechanism.samples, len(mechanism.joints)), np.nan)
+    state, manager = own.model.initSystem(), opensim.Manager(own.model)
+    if not settings["defaults"]:
+        manager.setIntegratorAccuracy(settings["accuracy"])
+    with Stopwatch() as watch:
+        manager.initialize(state)
+        for sample in range(mechanism.samples):
+            time = sample * mechanism.count * mechanism.step
+            try:
+                own.read(states, sample, manager.integrate(time) if sample else state)
+            except RuntimeError as error:
+                why = " ".join(str(error).split()).rpartition("Error detected by ")[2]
+                states = states.first(sample, why)
+                break
+    states.seconds = watch.seconds
+    return states
