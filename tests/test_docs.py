@@ -86,7 +86,7 @@ FILLED_IN_DEFAULTS = {
     "run": {"solvers": "all engines", "n": 361},
     "channels": {"equals": "by name", "unit": "SI"},
 }
-INTERNAL_FIELDS = ("file", "unmatched", "called", "reads_model")
+INTERNAL_FIELDS = ("file", "unmatched", "called", "reads_model", "asked")
 
 
 def compare_keys(text: str, model: type[BaseModel], filled: dict[str, Any]) -> None:

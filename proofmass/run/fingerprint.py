@@ -16,7 +16,11 @@ from proofmass.case.case import Case
 from proofmass.reference.case_model import compiled_model
 from proofmass.reference.find import REFERENCE_GROUP
 from proofmass.run.case_files import recorded_files
+from proofmass.sim import hosts
 from proofmass.sim.engines import ENGINE_GROUP, HOSTED_GROUP, VERSION_MARK, engine_names, engine_of
+
+SCRIPTS = Path(hosts.__path__[0]) / "scripts"
+"""The scripts of the engines of this distribution that run in other interpreters."""
 
 
 def digest(data: bytes) -> str:
@@ -65,11 +69,16 @@ def package_versions(engine: str) -> dict[str, str]:
 
 
 def digest_sources(own: Iterable[Path]) -> str:
-    """Digest the source code of engines and references, and given files of other folders."""
+    """Digest the source code of engines and references, and given files of other folders.
+
+    A script of an engine in another interpreter concerns the runs of that engine alone, whose
+    `versions` have its digest.
+    """
     files = [
         file
         for package in (sim, analytic, reference)
         for folder in package.__path__
         for file in sorted(Path(folder).rglob("*.py"))
+        if SCRIPTS not in file.parents
     ]
     return digest(b"".join(file.read_bytes() for file in (*files, *own)))

@@ -8,6 +8,7 @@ torques on the flywheels of drives are those of a run in this interpreter, see
 import os
 from collections.abc import Mapping
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -16,7 +17,7 @@ import mujoco
 import numpy as np
 
 from proofmass.sim.contents import control_indices
-from proofmass.sim.hosts.engine import About, HostedEngine
+from proofmass.sim.hosts.engine import SCRIPTS, About, HostedEngine
 from proofmass.sim.interpreter.mechanism import LinkStates, Mjcf, NeutralMechanism
 from proofmass.sim.mjcf import insert_includes, read_tree
 from proofmass.sim.mujoco.dynamics import initialize_dynamics
@@ -57,6 +58,11 @@ class HostedMujoco(HostedEngine):
     def __init__(self, script: str, requires: tuple[str, ...], *, title: str, about: About) -> None:
         super().__init__(script, requires, title=title, about=about, settings=MujocoSettings)
         self.support = SUPPORT  # type: ignore[misc]
+
+    def versions(self) -> dict[str, str]:
+        """See `Engine.versions`; all these scripts use that of MuJoCo."""
+        shared = sha256((SCRIPTS / "mujoco_c.py").read_bytes()).hexdigest()
+        return super().versions() | {"mujoco_c": shared}
 
     def read(
         self, model: Path, run: Run, own: EngineSettings

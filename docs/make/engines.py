@@ -1,0 +1,153 @@
+"""Cases beside engines, and versions of MuJoCo: tables of docs/other_engines.md, and its picture.
+
+    python -m docs.make.engines [--quick] [--store FOLDER]
+
+Runs ``proofmass engines models/`` with all engines and ``proofmass versions`` with all releases of
+MuJoCo from 3.1.0 on, whose finished runs are kept in FOLDER.  Engines that cannot be had here are
+left out of the tables.  With --quick two cases run in the engines of this interpreter, and nothing
+is written.
+"""
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from benchmarks import ROOT, command
+from docs.make.marks import write_between
+from docs.make.pictures import CHROMIUM, chromium, few_colours, open_page, picture
+from proofmass.base.wording import number
+from proofmass.sim.engines import format_solver
+from proofmass.studies.cells import CellResult
+from proofmass.studies.engines.page import ENGINES_TABLE, MARKS, SILENT_MARK, read_engines
+from proofmass.studies.engines.summary import summarize_engine
+from proofmass.studies.versions.page import VERSIONS_TABLE, read_comparison
+from proofmass.studies.versions.table import change_cells, date_lines
+from proofmass.verdict.outcome import Outcome
+
+PAGE = ROOT / "docs" / "other_engines.md"
+PICTURE = ROOT / "docs" / "engines.png"
+VERSION_CASES = (
+    *("linkages/fourbar", "linkages/fourbar_released", "linkages/threeprr", "linkages/andrews"),
+    *("linkages/slider_crank", "linkages/stephenson", "linkages/peaucellier", "linkages/hacksaw"),
+    *("linkages/inverted_slider_crank", "linkages/pendulum", "linkages/driven_cart"),
+    *("linkages/gear_pair", "linkages/double_rocker", "linkages/watt", "linkages/triple_rocker"),
+    *("spatial/bricard", "spatial/delta", "spatial/stewart", "spatial/euler_top"),
+    "spatial/heavy_top",
+)
+"""The cases whose versions are compared: those of the first comparison by hand, and two more."""
+MARKED = {
+    "engines": "python -m docs.make.engines writes the engines from here to the next mark",
+    "versions": "python -m docs.make.engines writes the versions from here to the next mark",
+}
+
+
+def main() -> None:
+    """Measure and write, or measure two cases and write nothing."""
+    parser = command(__doc__)
+    parser.add_argument("--store", help="folder of finished runs", type=Path)
+    words = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        store = words.store or Path(temporary)
+        if words.quick:
+            cases = ["models/linkages/pendulum.toml", "models/linkages/fourbar.toml"]
+            run("engines", *cases, "--engine", "mujoco", "--engine", "pymunk", "-o", store / "e")
+            print("\n".join(engine_lines(read_engines(store / "e" / ENGINES_TABLE)["results"])))
+            return
+        run("engines", "models/", "-o", store / "engines")
+        cases = [f"models/{case}.toml" for case in VERSION_CASES]
+        run("versions", *cases, "--engine", "mujoco", "--all", "-o", store / "versions")
+        write_page(store / "engines", store / "versions")
+
+
+def run(*words: object) -> None:
+    """Run a command of proofmass; a comparison of versions that found a change ends with 1."""
+    command_line = [sys.executable, "-m", "proofmass", *map(str, words)]
+    made = subprocess.run(command_line, cwd=ROOT, check=False)
+    if made.returncode not in (0, 1):
+        raise SystemExit(made.returncode)
+
+
+def write_page(engines: Path, versions: Path) -> None:
+    """Write the tables of the page and its picture from the folders of both studies."""
+    results = read_engines(engines / ENGINES_TABLE)["results"]
+    comparison = read_comparison(versions / VERSIONS_TABLE)
+    text = PAGE.read_text(encoding="utf-8")
+    for name, lines in (
+        ("engines", engine_lines(results)),
+        ("versions", version_lines(comparison)),
+    ):
+        begin, end = f"<!-- {MARKED[name]} -->", f"<!-- to here: {name} -->"
+        text = write_between(text, begin, end, "\n".join(lines))
+    PAGE.write_text(text, encoding="utf-8")
+    if CHROMIUM:
+        with chromium() as browser:
+            few_colours(picture(open_page(browser, engines / "index.html"))).save(PICTURE)
+
+
+def engine_lines(results: Sequence[CellResult]) -> Iterator[str]:
+    """The table of cases beside engines, and the sentences on each engine."""
+    solvers = [
+        solver
+        for solver in dict.fromkeys(one.solver for one in results)
+        if any(one.solver == solver and one.outcome != Outcome.UNAVAILABLE for one in results)
+    ]
+    cases = list(dict.fromkeys(one.case for one in results))
+    places = {(one.case, one.solver): one for one in results}
+    filled = sum(one.is_filled for one in results if one.solver in solvers)
+    yield (
+        f"{filled} of {len(cases) * len(solvers)} runs have errors: {len(cases)} cases with a run "
+        f"in time, {len(solvers)} engines."
+    )
+    yield ""
+    yield f"| case | {' | '.join(format_solver(solver) for solver in solvers)} |"
+    yield f"|---|{'---|' * len(solvers)}"
+    for case in cases:
+        cells = (result_words(places.get((case, solver))) for solver in solvers)
+        yield f"| {case} | {' | '.join(cells)} |"
+    for solver in solvers:
+        found = summarize_engine(solver, results)
+        yield ""
+        median = f", median error {number(found.middle)}" if found.filled else ""
+        yield f"**{found.title}**: {found.filled} of {found.of} runs{median}."
+        if found.solves:
+            yield f"{found.solves}. Licence: {found.licence}."
+        yield from (f"{sentence}" for sentence in found.sentences)
+        if found.versions:
+            yield f"Computed by {found.versions}."
+
+
+def result_words(result: CellResult | None) -> str:
+    """Error of positions / velocities / accelerations, or a mark with its word."""
+    if result is None:
+        return ""
+    if not result.is_filled:
+        mark, words = MARKS.get(result.outcome, ("✕", str(result.outcome)))
+        return words if mark == "–" else f"{mark} {words}"
+    kinds = ("position", "velocity", "acceleration")
+    shares = [worst.share for kind in kinds if (worst := result.worst(kind))]
+    words = " / ".join(f"{share:.0e}".replace("e-0", "e-").replace("e+0", "e+") for share in shares)
+    return f"{SILENT_MARK} {words}" if result.is_silently_wrong else words
+
+
+def version_lines(comparison: dict) -> Iterator[str]:
+    """What changed in which version, and the table of changes."""
+    changes = comparison["changes"]
+    cases = list(dict.fromkeys(one.case for one in comparison["results"]))
+    yield (
+        f"{len({one.case for one in changes})} of {len(cases)} cases changed between MuJoCo "
+        f"{comparison['versions'][0]} and {comparison['versions'][-1]}, "
+        f"{len(comparison['versions'])} releases; {len(comparison['results'])} runs found where."
+    )
+    yield ""
+    yield from (f"- {line}" for line in date_lines(changes))
+    yield ""
+    yield "| case | changed in | after | channel | before | now | factor | moved |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for one in changes:
+        yield f"| {' | '.join(change_cells(one))} |"
+
+
+if __name__ == "__main__":
+    main()
