@@ -6,7 +6,7 @@ read the MJCF themselves and are in `proofmass.sim.mujoco.hosted`.
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from proofmass.base.strict import Count, StrictNumber
 from proofmass.sim.hosts.engine import About, HostedEngine, HostedSettings, SteppedSettings
@@ -41,17 +41,28 @@ class SimbodySettings(HostedSettings):
 class ExudynSettings(HostedSettings):
     """Settings of Exudyn: an implicit `scheme`.
 
-    ``trapezoidal`` is the Newmark rule with index-2 constraints, without numerical damping;
-    ``generalized alpha`` has index-3 constraints and a spectral radius of 0.9, its default.
+    ``trapezoidal`` is the Newmark rule with index-2 constraints, without numerical damping: loops
+    drift apart with second order, and may leave their branch at a change point.  ``generalized
+    alpha`` has index-3 constraints and a spectral radius of 0.9, its default: loops stay closed,
+    and accelerations have an error at the start that decays.
     """
 
     scheme: Literal["trapezoidal", "generalized alpha"] = "trapezoidal"
 
 
 class DrakeSettings(SteppedSettings):
-    """Settings of Drake: discrete steps with the SAP solver, or a `continuous` motion of a tree."""
+    """Settings of Drake: discrete steps with the SAP solver, or a `continuous` motion of a tree.
+
+    A continuous motion has its velocities at the samples: its `reading` is always plain.
+    """
 
     scheme: Literal["sap", "continuous"] = "sap"
+
+    @model_validator(mode="before")
+    @classmethod
+    def read_plainly(cls, values: dict[str, object]) -> dict[str, object]:
+        """Let a continuous motion be read where it is."""
+        return values | ({"reading": "plain"} if values.get("scheme") == "continuous" else {})
 
 
 PYMUNK = HostedEngine(
@@ -98,7 +109,7 @@ EXUDYN = HostedEngine(
     about=About(
         "exact constraints of index 2 or 3; implicit Newmark or generalized-alpha steps",
         "Exudyn licence, like BSD-3-Clause",
-        "Newton tolerance 1e-12",
+        "Newton tolerance 1e-10; begins with the accelerations of two very short steps",
     ),
     settings=ExudynSettings,
 )
@@ -109,7 +120,7 @@ DRAKE = HostedEngine(
     about=About(
         "loops as stiff springs of a convex solver (SAP); semi-implicit steps",
         "BSD-3-Clause",
-        "rotor inertia for drives",
+        "drives with a heavy rotor; a body welded to the world as the ground of loops",
     ),
     settings=DrakeSettings,
 )

@@ -31,6 +31,7 @@ from .mechanism import (
 )
 from .record import Refused, Stopwatch, record
 from .runge_kutta import runge_kutta
+from .tree import TreeRow, in_time, tree_rows
 
 __all__ = [
     "DriveRows",
@@ -45,8 +46,10 @@ __all__ = [
     "NeutralSpring",
     "Refused",
     "Stopwatch",
+    "TreeRow",
     "frame_of_axis",
     "in_space",
+    "in_time",
     "link_forces",
     "matrix_of",
     "record",
@@ -55,5 +58,6 @@ __all__ = [
     "start_of_links",
     "start_openings",
     "start_velocity",
+    "tree_rows",
     "turn_about",
 ]
