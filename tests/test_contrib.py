@@ -131,3 +131,33 @@ def test_the_action_writes_what_its_readers_upload(repository, tmp_path):
     tests = ElementTree.parse(repository / "proofmass-junit.xml").getroot()
     assert int(tests.get("failures", 0)) > 0
     assert tests.get("errors") == "0", "files of others are no errors"
+
+
+def test_workflow_of_versions_fails_if_something_changed(repository):
+    """Its step writes the summary and has the exit code of the comparison."""
+    workflow = yaml.safe_load((ROOT / "contrib/github/versions.yml").read_text(encoding="utf-8"))
+    (script,) = (
+        step["run"]
+        for step in workflow["jobs"]["versions"]["steps"]
+        if "proofmass versions" in step.get("run", "")
+    )
+    fake = repository / "bin"
+    fake.mkdir()
+    (fake / "proofmass").write_text('#!/bin/sh\necho "$@"\necho changed in 3.7.0\nexit 1\n')
+    (fake / "proofmass").chmod(0o755)
+    summary = repository / "summary.md"
+    made = run(
+        repository,
+        "bash",
+        "-e",
+        "-c",
+        script,
+        first=str(fake),
+        PATHS="models",
+        USED="3.6.0",
+        GITHUB_STEP_SUMMARY=str(summary),
+    )
+    assert made.returncode == 1
+    text = summary.read_text(encoding="utf-8")
+    assert "versions models --engine mujoco==3.6.0 --all -o versions" in text
+    assert "changed in 3.7.0" in text
