@@ -38,9 +38,10 @@ class DartTree:
         for k in range(1, len(mechanism.links)):
             self.add_link(k)
         self.world.addSkeleton(self.skeleton)
-        options = self.world.getDeactivationOptions()
-        options.mEnabled = defaults  # slow skeletons would fall asleep
-        self.world.setDeactivationOptions(options)
+        if hasattr(self.world, "getDeactivationOptions"):  # from 6.19 on slow skeletons sleep
+            options = self.world.getDeactivationOptions()
+            options.mEnabled = defaults
+            self.world.setDeactivationOptions(options)
         LOOP.setErrorReductionParameter(ERROR_REDUCTIONS[defaults])
         for loop in mechanism.loops:
             nodes = [self.nodes[k] for k in (loop.a, loop.b) if k]
