@@ -31,10 +31,8 @@ class DrakeRun:
 
     def __init__(self, mechanism, settings):
         self.mechanism, self.exact = mechanism, settings["scheme"] == "continuous"
-        slack = [
-            one for one in mechanism.springs if one.slack[0] != one.slack[1] or not one.slack[0]
-        ]
-        self.by_hand, self.rows, self.number = replace(mechanism, springs=tuple(slack)), [], 0
+        slack = tuple(one for one in mechanism.springs if not 0 < one.slack[0] == one.slack[1])
+        self.by_hand, self.rows, self.number = replace(mechanism, springs=slack), [], 0
         if self.exact and (mechanism.loops or mechanism.gears or slack):
             raise host.Refused("loops, gears and springs with a slack range in continuous time")
         self.plant = plants.MultibodyPlant(0.0 if self.exact else mechanism.step)
@@ -50,6 +48,7 @@ class DrakeRun:
         self.rotors = [self.add_rotor(j) for j in numbers]
         self.connect()
         self.plant.Finalize()
+        self.drives = [mechanism.drive_of(j) for j in numbers]
         self.single = [j for j in numbers if mechanism.joints[j].kind in SINGLE]
         self.simulator = Simulator(self.plant)
         self.context = self.simulator.get_mutable_context()
@@ -114,7 +113,7 @@ class DrakeRun:
             ends = *ends, self.bodies[one.b], one.on_b - centres[one.b]
             if isinstance(one, host.NeutralLoop):
                 self.plant.AddBallConstraint(*ends)
-            elif one.slack[0] == one.slack[1] and one.slack[0]:
+            elif 0 < one.slack[0] == one.slack[1]:
                 spring = tree.LinearSpringDamper(*ends, one.slack[0], one.stiffness, one.damping)
                 self.plant.AddForceElement(spring)
         for one in self.mechanism.gears:
@@ -122,50 +121,34 @@ class DrakeRun:
 
     def start(self):
         """Set coordinates and rates of the start; all coordinates are 0 if the loops are closed."""
-        values, rates = (
-            read(self.context).copy()
-            for read in (self.plant.GetPositions, self.plant.GetVelocities)
-        )
+        plant, links = self.plant, self.mechanism.links
+        values, rates = np.zeros(plant.num_positions()), np.zeros(plant.num_velocities())
         openings = host.start_openings(self.mechanism, CLOSING_SHARE)
         for one, joint, (turn, way) in zip(self.mechanism.joints, self.joints, openings):
-            link, base, kind = (
-                self.mechanism.links[one.child],
-                self.mechanism.links[one.parent],
-                type(joint),
-            )
-            q, v = joint.position_start(), joint.velocity_start()
-            if kind is FLOATING:
+            link, q, v = links[one.child], joint.position_start(), joint.velocity_start()
+            if isinstance(joint, FLOATING):
                 way = way if one.kind == "free" else np.cross(turn, link.centre - one.anchor)
                 values[q : q + 7] = 1.0, *0.5 * turn, *way
                 rates[v : v + 6] = *link.omega, *host.start_velocity(self.mechanism, one.child)
-            elif kind is BALL:
-                rates[v : v + 3] = link.omega - base.omega
+            elif one.kind == "ball":
+                rates[v : v + 3] = link.omega - links[one.parent].omega
             else:
                 values[q], rates[v] = (turn + way) @ one.axis, one.rate
-        self.plant.SetPositions(self.context, values)
-        self.plant.SetVelocities(self.context, rates)
+        plant.SetPositions(self.context, values)
+        plant.SetVelocities(self.context, rates)
 
     def joint(self, j):
         """Coordinate and rate of a hinge or slide."""
-        return self.joints[j].GetOnePosition(self.context), self.joints[j].GetOneVelocity(
-            self.context
-        )
+        joint = self.joints[j]
+        return joint.GetOnePosition(self.context), joint.GetOneVelocity(self.context)
 
     def apply(self, i, now=False):
         """Apply the forces of step number i, or those of the instant `now` at its beginning."""
         step, forces = self.mechanism.step, np.zeros(self.plant.num_velocities())
         for j in self.single:
-            one, drive, (value, rate) = (
-                self.mechanism.joints[j],
-                self.mechanism.drive_of(j),
-                self.joint(j),
-            )
-            x = (
-                value
-                + one.value
-                - one.rest
-                + (0.5 * step * rate if self.exact and not now else 0.0)
-            )
+            one, drive, (value, rate) = self.mechanism.joints[j], self.drives[j], self.joint(j)
+            middle = value + (0.5 * step * rate if self.exact and not now else 0.0)
+            x = one.value + middle - one.rest
             force = one.force_in(i) - x**2 * (one.spring[1] + x * one.spring[2])
             if drive:
                 wanted = (drive.value[2 * i + 2] - one.value - value) / step
@@ -179,11 +162,9 @@ class DrakeRun:
 
     def push(self, k, place, force, moment):
         """A force at a place in the world and a moment on a link in Drake's words."""
-        push, pose = (
-            plants.ExternallyAppliedSpatialForce(),
-            self.bodies[k].EvalPoseInWorld(self.context),
-        )
-        push.body_index, push.p_BoBq_B = self.bodies[k].index(), pose.inverse().multiply(place)
+        push, body = plants.ExternallyAppliedSpatialForce(), self.bodies[k]
+        at = body.EvalPoseInWorld(self.context).inverse().multiply(place)
+        push.body_index, push.p_BoBq_B = body.index(), at
         push.F_Bq_W = SpatialForce(moment, force)
         return push
 
@@ -218,7 +199,8 @@ def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkState
     if not run.exact:
         return host.record(mechanism, run.step, run.read, run.joint)
     states = host.record(mechanism, run.step, run.read_at_sample)
-    states.coordinates = np.full((3, len(run.rows), len(mechanism.joints)), np.nan)
-    states.coordinates[:, :, run.single] = np.array(run.rows).swapaxes(0, 1)
+    n = len(states.place)
+    states.coordinates = np.full((3, n, len(mechanism.joints)), np.nan)
+    states.coordinates[:, :, run.single] = np.array(run.rows[:n]).swapaxes(0, 1)
     states.coordinates[0] += [one.value for one in mechanism.joints]
     return states

@@ -25,11 +25,8 @@ class ExudynSystem:
     """A mechanism in Exudyn; `last` is the number of a link in the tree."""
 
     def __init__(self, mechanism):
-        self.mechanism, self.mbs, links = (
-            mechanism,
-            exu.SystemContainer().AddSystem(),
-            mechanism.links,
-        )
+        self.mechanism, links = mechanism, mechanism.links
+        self.mbs = exu.SystemContainer().AddSystem()
         self.rows, self.tree, self.node = tree_rows(mechanism), None, None
         self.last = {row.joint.child: k for k, row in enumerate(self.rows)}
         if self.rows:
@@ -130,11 +127,8 @@ class ExudynSystem:
 
     def measured(self, sensor):
         """What a sensor measured, without samples behind the first that the run did not hit."""
-        data, every = (
-            self.mbs.GetSensorStoredData(sensor),
-            self.mechanism.count * self.mechanism.step,
-        )
-        rows = np.atleast_2d(data)[: self.mechanism.samples]
+        every = self.mechanism.count * self.mechanism.step
+        rows = np.atleast_2d(self.mbs.GetSensorStoredData(sensor))[: self.mechanism.samples]
         late = np.abs(rows[:, 0] - every * np.arange(len(rows))) > 0.5 * self.mechanism.step
         return rows[: int(np.argmax([*late, True])), 1:]
 
@@ -191,7 +185,7 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     system, states = ExudynSystem(mechanism), LinkStates.empty(mechanism)
     with Stopwatch() as watch:
         if not system.run(settings, False) and not settings["defaults"]:
-            states.notes = ("Constraints are redundant: solved by full pivoting.",)
+            states.notes = ("Solved by full pivoting, as is needed at redundant constraints.",)
             system.run(settings, True)
     states.seconds, n = watch.seconds, mechanism.samples
     for k, own in enumerate(system.sensors[1:], 1):
