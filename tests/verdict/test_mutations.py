@@ -277,6 +277,7 @@ GENERAL_SOLVER_LENGTHS = {  # the reference reads the model too; the engine alon
     "chebyshev_lambda": at(SITE, "tip"),
     "fourbar_released": at(SITE, "rocker_end"),
     "andrews": at(SITE, "F3"),
+    "fourbar_spring": at(SITE, "coupler_end"),
 }
 
 
