@@ -92,6 +92,7 @@ class Result(ShownAsHtml):
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
     `screens` has the first screens of models without a sidecar, and of models that blew up, by the
     names of their cases; `remarks` what reading such a model left out or assumed.
+    `versions` has what computed, package by package, of solvers in interpreters of their own.
     `of_others` are files of these folders that are neither sidecars nor models, see `find_inputs`.
     """
 
@@ -104,6 +105,7 @@ class Result(ShownAsHtml):
     notes: dict[tuple[str, str, str], tuple[str, ...]] = field(default_factory=dict)
     screens: dict[str, "Screen"] = field(default_factory=dict)
     remarks: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    versions: dict[str, dict[str, str]] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
     of_others: list[Path] = field(default_factory=list)
@@ -719,6 +721,7 @@ def add_part(result: Result, part: Result) -> None:
     result.refined.extend(part.refined)
     result.screens.update(part.screens)
     result.remarks.update(part.remarks)
+    result.versions.update(part.versions)
     result.failed.update(part.failed)
     result.diagnoses.update(part.diagnoses)
     known = set(map(str, result.errors))
@@ -757,6 +760,8 @@ def collect_outcomes(
         elif curves is not None and not isinstance(task, ModelSource):
             kept = result.failed if comparisons[0].outcome in FAILED_OUTCOMES else result.curves
             kept[task[0].name, task[1], task[2]] = curves
+            if curves.versions:
+                result.versions[task[2]] = curves.versions
             if kept is result.curves:
                 result.notes[task[0].name, task[1], task[2]] = curves.notes
         result.comparisons.extend(comparisons)

@@ -76,6 +76,7 @@ def as_json(result: Result) -> str:
                 "causes": [cause_data(cause) for cause in result.causes],
                 "diagnoses": [diagnosis_data(found) for found in result.diagnoses.values()],
                 "notes": list(note_lines(result)),
+                "versions": result.versions,
                 "screens": screens_as_data(result),
                 "errors": [
                     {"file": str(e.file), "key": e.key, "wrong": e.wrong} for e in result.errors

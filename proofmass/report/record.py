@@ -280,9 +280,16 @@ def record_start(command: Sequence[str] = (), inputs: Path | None = None) -> Mad
 def make_record(result: Result, made: Made | None = None) -> Record:
     """Return the record of a result, without a history."""
     made = made or record_start(inputs=next(iter(result.paths), None))
+    hosted = {
+        f"{package} of {solver}": version
+        for solver, packages in result.versions.items()
+        for package, version in packages.items()
+    }
     return Record(
         format=RECORD_VERSION,
-        made=made.model_copy(update={"load_end": load_average()}),
+        made=made.model_copy(
+            update={"load_end": load_average(), "versions": made.versions | hosted}
+        ),
         exit_code=result.exit_code,
         cases=[
             CaseRecord(

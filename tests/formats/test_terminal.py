@@ -352,6 +352,7 @@ def test_json_has_null_for_nan_and_infinity():
         "causes",
         "diagnoses",
         "notes",
+        "versions",
         "screens",
         "errors",
         "of_others",
