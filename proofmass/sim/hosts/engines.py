@@ -51,7 +51,7 @@ class ExudynSettings(HostedSettings):
     and accelerations have an error at the start that decays.
     """
 
-    scheme: Literal["trapezoidal", "generalized alpha"] = "trapezoidal"
+    scheme: Literal["trapezoidal", "generalized alpha"] = "generalized alpha"
 
 
 class DrakeSettings(SteppedSettings):
