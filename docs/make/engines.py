@@ -3,9 +3,9 @@
     python -m docs.make.engines [--quick] [--store FOLDER]
 
 Runs ``proofmass engines models/`` with all engines but those that compile for minutes, and
-``proofmass versions`` with all releases of MuJoCo from 3.1.0 on; FOLDER keeps the finished runs.  Engines that cannot be had here are
-left out of the tables.  With --quick two cases run in the engines of this interpreter, and nothing
-is written.
+``proofmass versions`` with all releases of MuJoCo from 3.1.0 on; FOLDER keeps the finished runs.
+Engines that cannot be had here are left out of the tables.  With --quick two cases run in the
+engines of this interpreter, and nothing is written.
 """
 
 import subprocess
