@@ -94,7 +94,11 @@ def write_page(engines: Path, versions: Path) -> None:
     PAGE.write_text(text, encoding="utf-8")
     if CHROMIUM:
         with chromium() as browser:
-            few_colours(picture(open_page(browser, engines / "index.html"))).save(PICTURE)
+            tab = open_page(browser, engines / "index.html")
+            tab.evaluate("location.hash = 'off=contacts,rods'")  # most engines refuse contacts
+            tab.reload()
+            tab.wait_for_load_state()
+            few_colours(picture(tab)).save(PICTURE, optimize=True)
 
 
 def engine_lines(results: Sequence[CellResult]) -> Iterator[str]:

@@ -10,7 +10,7 @@ from proofmass.analytic.controls import break_times
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError, model_error, suggest_names
 from proofmass.base.strict import Kind
-from proofmass.base.worker import Crashed, call_isolated
+from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.case.case import Case
 from proofmass.case.drive import check_driven
 from proofmass.case.profile import SampledProfile
@@ -396,6 +396,8 @@ def call_engine(engine: str, model: Path, run: Run) -> Curves:
     except NoEngine as error:
         raise Crashed(str(error)) from error
     except (BadModel, InputError, Unsupported, Diverged, MemoryError):
+        raise
+    except (Crashed, TimedOut, OutOfMemory):  # of an interpreter of the engine's own
         raise
     except Exception as error:
         raise Crashed(f"{type(error).__name__}: {error}") from error

@@ -118,6 +118,8 @@ class HostedEngine(Engine):
         planar: bool = False,
         python: str = "",
     ) -> None:
+        if isinstance(requires, str):
+            raise ValueError(f"{title} requires {requires!r}; give a tuple of such texts")
         for one in requires:
             if not PIN.fullmatch(one):
                 raise ValueError(f"{title} requires {one!r}; give one version, NAME==VERSION")

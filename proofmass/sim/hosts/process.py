@@ -39,6 +39,8 @@ from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
 from proofmass.sim.protocol.failures import Unavailable, Unsupported
 
 SERVE = Path(interpreter.__file__).parent / "serve.py"
+MISSING_MODULE = re.compile(r"No module named '[\w.]+'")
+"""What Python says of a module that is not there."""
 STARTED_MARK = "started"
 """File that an interpreter writes into its folder when it runs: uv has got the packages."""
 SAID_CHARACTERS = 240
@@ -73,6 +75,8 @@ def start_command(requires: Sequence[str], python: str = "") -> list[str]:
     It has neither the packages nor the configuration of the current folder.
     """
     if python:
+        if not shutil.which(python):
+            raise Unavailable(f"there is no interpreter {python}")
         return [python, "-I"]
     packages = [part for one in requires for part in ("--with", one)]
     flags = ["--isolated", "--no-project", "--quiet", "--python", sys.executable]
@@ -98,12 +102,12 @@ def provide(requires: Sequence[str], python: str = "") -> str:
 
 def is_fetched(requires: Sequence[str], python: str = "") -> str:
     """Whether packages are there already, in words: nothing is fetched."""
-    if python:
-        return f"runs in {python}"
     try:
         command = [*start_command(requires, python), "-c", ""]
     except Unavailable as error:
         return str(error)
+    if python:
+        return f"runs in {python}"
     command.insert(command.index("--quiet"), "--offline")
     with tempfile.TemporaryDirectory() as nowhere:
         made = subprocess.run(command, capture_output=True, cwd=nowhere, check=False)
@@ -119,6 +123,30 @@ def explain_uv(text: str, requires: Sequence[str]) -> str:
     if "no version of" in words or "was not found in the package registry" in words:
         return f"{named} is not in the package index: {words[:SAID_CHARACTERS]}"
     return f"{named} cannot be had: {words[:SAID_CHARACTERS] or 'uv does not say why'}"
+
+
+PACKAGE_NAME = re.compile(r"[A-Za-z0-9._-]+")
+"""The name of a package at the beginning of a requirement."""
+
+
+def other_packages(requires: Sequence[str], installed: dict[str, str]) -> str:
+    """Which packages an interpreter has in other versions than required, or not at all, in words.
+
+    >>> other_packages(("a==1.0", "b[x]==2.0"), {"a": "1.0", "b": ""})
+    'no b, and not b 2.0'
+    """
+    for one in requires:
+        name, version = PACKAGE_NAME.match(one)[0], one.partition("==")[2]  # type: ignore[index]
+        if installed.get(name) != version:
+            there = f"{name} {installed[name]}" if installed.get(name) else f"no {name}"
+            return f"{there}, and not {name} {version}"
+    return ""
+
+
+def advise(words: str) -> str:
+    """The words of an error; of a module that is not there with what to do."""
+    missing = MISSING_MODULE.search(words)
+    return f"{missing[0]}: add its package to what the engine requires" if missing else words
 
 
 class Host:
@@ -142,7 +170,8 @@ class Host:
     """
 
     def __init__(self, script: Path, requires: Sequence[str], python: str = "") -> None:
-        command = [*start_command(requires, python), str(SERVE), str(script)]
+        names = [PACKAGE_NAME.match(one)[0] for one in requires]  # type: ignore[index]
+        command = [*start_command(requires, python), str(SERVE), str(script), *names]
         self.errors, self.words = tempfile.TemporaryFile(), ""  # noqa: SIM115, closed with the host
         self.folder, self.started = tempfile.TemporaryDirectory(), False
         self.process = subprocess.Popen(
@@ -161,8 +190,12 @@ class Host:
             raise
         if "error" in ready:
             self.close()
-            raise Crashed(f"{script.stem} cannot be loaded: {ready['error']}")
+            raise Crashed(f"{script.stem} cannot be loaded: {advise(ready['error'])}")
         self.versions: dict[str, str] = ready["versions"]
+        # uv gives what it was asked for
+        if python and (wrong := other_packages(requires, ready["installed"])):
+            self.close()
+            raise Unavailable(f"{python} has {wrong}")
 
     @property
     def alive(self) -> bool:
@@ -213,7 +246,10 @@ class Host:
         if number in (signal.SIGPROF, signal.SIGALRM):
             return TimedOut(f"no answer in {seconds:.3g} s of processor time")
         how = f"killed by signal {name_signal(number)}" if number > 0 else f"exit code {code}"
-        words = " ".join(self.words.split())[-SAID_CHARACTERS:]
+        said = " ".join(self.words.split())
+        if MISSING_MODULE.search(said):
+            return Crashed(advise(said))
+        words = said if len(said) <= SAID_CHARACTERS else f"… {said[-SAID_CHARACTERS:]}"
         return Crashed(f"the interpreter of the engine ended: {how}" + (words and f": {words}"))
 
     def close(self) -> None:

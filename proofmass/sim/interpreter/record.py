@@ -31,6 +31,21 @@ class Stopwatch:
         self.seconds = time.process_time() - self.began
 
 
+def check_motions(motions: list[LinkMotion]) -> None:
+    """Raise ValueError if a motion is no `LinkMotion`."""
+    for k, one in enumerate(motions, 1):
+        if len(one) not in (4, 6):
+            raise ValueError(
+                f"read({k}) returned {len(one)} things, not 4, or 6 with accelerations"
+            )
+        shapes = [np.shape(part) for part in one]
+        if shapes != [(3,), (3, 3), *[(3,)] * (len(one) - 2)]:
+            raise ValueError(
+                f"read({k}) returned arrays of the shapes {shapes}; expected place (3,), rotation "
+                "(3, 3), velocity (3,) and angular velocity (3,)"
+            )
+
+
 def record(
     mechanism: NeutralMechanism,
     step: Callable[[int], None],
@@ -70,6 +85,8 @@ def record(
     with watch, np.errstate(all="ignore"):
         for sample in range(mechanism.samples):
             motions = [read(k) for k in links]
+            if sample == 0:
+                check_motions(motions)
             place = np.array([one[0] for one in motions])
             if not np.isfinite(place).all() or np.abs(place).max() > LOST_SIZES * mechanism.size:
                 found = states.first(sample, f"a position is not finite or lost at sample {sample}")

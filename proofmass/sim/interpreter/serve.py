@@ -1,4 +1,4 @@
-"""The program that runs in the interpreter of an engine: ``python serve.py SCRIPT``.
+"""The program that runs in the interpreter of an engine: ``python serve.py SCRIPT PACKAGE…``.
 
 It loads the script of the engine, and answers requests on standard input with messages on standard
 output, see `wire`.  What the engine prints goes to standard error.  It ends when standard input
@@ -21,6 +21,8 @@ import queue
 import signal
 import sys
 import threading
+import traceback
+from importlib import metadata
 from typing import Any
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -58,9 +60,13 @@ def main() -> None:
     threading.Thread(target=receive_requests, args=(wire, requests), daemon=True).start()
     try:
         script = load_module("proofmass_engine", sys.argv[1])
-        ready: dict[str, Any] = {"versions": dict(script.VERSIONS)}
+        ready: dict[str, Any] = {
+            "versions": dict(attribute_of(script, "VERSIONS")),
+            "installed": {name: installed_version(name) for name in sys.argv[2:]},
+        }
+        attribute_of(script, "simulate")
     except BaseException as error:
-        ready = {"error": describe(error)}
+        ready = {"error": describe(error, sys.argv[1])}
     wire.send(answers, ready)
     if "error" in ready:
         return
@@ -74,22 +80,41 @@ def main() -> None:
 
 def answer_request(script: Any, request: dict) -> dict:
     """The answer to a request, see the module."""
-    from proofmass_host import Refused
+    from proofmass_host import LinkStates, Refused
 
     try:
         states = script.simulate(request["mechanism"], request["settings"])
+        if not isinstance(states, LinkStates):
+            raise TypeError(f"simulate returned {type(states).__name__}, not LinkStates")
         return {"states": states, "versions": dict(script.VERSIONS)}
     except Refused as error:
         return {"refused": str(error)}
     except MemoryError:
         return {"memory": True}
     except Exception as error:
-        return {"error": describe(error)}
+        return {"error": describe(error, script.__file__)}
 
 
-def describe(error: BaseException) -> str:
-    """The type and the message of an exception, in a line."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:400]}"
+def describe(error: BaseException, script: str) -> str:
+    """The type and the message of an exception, with the last line of the script, in a line."""
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == script]
+    where = f" ({os.path.basename(script)}, line {frames[-1].lineno})" if frames else ""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:400]}{where}"
+
+
+def attribute_of(script: Any, name: str) -> Any:
+    """An attribute of the script, which it must have."""
+    if not hasattr(script, name):
+        raise AttributeError(f"{os.path.basename(script.__file__)} has no {name}")
+    return getattr(script, name)
+
+
+def installed_version(package: str) -> str:
+    """The version of a package in this interpreter; empty if it is not there."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ""
 
 
 def receive_requests(wire: Any, requests: Any) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from proofmass import load_case
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
+from proofmass.run import solve
 from proofmass.run.solve import prescribed_run
 from proofmass.sim.engines import NoEngine, engine_of, is_engine
 from proofmass.sim.hosts.engine import About, HostedEngine, SteppedSettings
@@ -30,7 +31,7 @@ class SwingSettings(SteppedSettings):
 
 SWING = HostedEngine(
     SCRIPT,
-    ("swing==1.0",),
+    (f"numpy=={np.__version__}",),
     title="Swing",
     about=About("one hinge", "none"),
     settings=SwingSettings,
@@ -148,7 +149,8 @@ def test_script_that_cannot_be_loaded(tmp_path: Path) -> None:
     """The error of the script's import is that of the run."""
     script = tmp_path / "broken.py"
     script.write_text("import no_such_engine\n")
-    engine = HostedEngine(script, ("x==1",), title="X", about=About("", ""), python=sys.executable)
+    pins = (f"numpy=={np.__version__}",)
+    engine = HostedEngine(script, pins, title="X", about=About("", ""), python=sys.executable)
     case = load_case(MODELS / "linkages/pendulum.toml")
     with pytest.raises(Crashed, match="no_such_engine"):
         engine.simulate(case.model_path, prescribed_run(case, "dynamics"))
@@ -174,9 +176,9 @@ def test_requirement_needs_one_version() -> None:
 def test_digest_and_pins_identify_what_computes() -> None:
     """Stored results depend on the packages and on the script."""
     there = SWING.versions()
-    assert there["swing"] == "1.0"
+    assert there["numpy"] == np.__version__
     assert len(there["host"]) == 64
-    assert SWING.at_version("2.0").versions() == there | {"swing": "2.0"}
+    assert SWING.at_version("2.0").versions() == there | {"numpy": "2.0"}
 
 
 def test_engines_at_versions() -> None:
@@ -249,3 +251,76 @@ def test_states_end_where_a_run_failed() -> None:
     states = LinkStates(none, none, none, np.zeros((5, 2, 3, 3)), none, none)
     assert states.first(2, "lost").place.shape == (2, 2, 3)
     assert states.first(2, "lost").failed == "lost"
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("import no_such_engine", "No module named 'no_such_engine': add its package"),
+        ("VERSIONS = {}", "broken.py has no simulate"),
+        ("def simulate(m, s): ...", "broken.py has no VERSIONS"),
+        (
+            "VERSIONS = {}\ndef simulate(m, s):\n    return None",
+            "returned NoneType, not LinkStates",
+        ),
+        (
+            "VERSIONS = {}\ndef simulate(m, s):\n    return s['no such setting']",
+            r"KeyError: 'no such setting' \(broken.py, line 3\)",
+        ),
+        (
+            "from proofmass_host import record\nVERSIONS = {}\n"
+            "def simulate(m, s):\n    return record(m, print, lambda k: (1, 2, 3))",
+            r"read\(1\) returned 3 things",
+        ),
+        (
+            "from proofmass_host import record\nimport numpy as np\nVERSIONS = {}\n"
+            "def simulate(m, s):\n    x = np.zeros(3)\n"
+            "    return record(m, print, lambda k: (x, np.zeros(4), x, x))",
+            r"expected place \(3,\), rotation \(3, 3\)",
+        ),
+    ],
+)
+def test_faults_of_a_script_are_named(tmp_path: Path, script: str, words: str) -> None:
+    """With the line of the script, or what it lacks."""
+    file = tmp_path / "broken.py"
+    file.write_text(script + "\n")
+    pins = (f"numpy=={np.__version__}",)
+    engine = HostedEngine(file, pins, title="X", about=About("", ""), python=sys.executable)
+    case = load_case(MODELS / "linkages/pendulum.toml")
+    with pytest.raises(Crashed, match=words):
+        engine.simulate(case.model_path, prescribed_run(case, "dynamics"))
+
+
+def test_interpreter_with_another_version_is_unavailable() -> None:
+    """What an interpreter has is asked, so that a version is never the name alone."""
+    case = load_case(MODELS / "linkages/pendulum.toml")
+    with pytest.raises(Unavailable, match=f"has numpy {np.__version__}, and not numpy 1.2.3"):
+        SWING.at_version("1.2.3").simulate(case.model_path, prescribed_run(case, "dynamics"))
+    nowhere = HostedEngine(
+        SCRIPT, ("numpy==1.2.3",), title="X", about=About("", ""), python="/nowhere/python"
+    )
+    assert nowhere.provide() == "there is no interpreter /nowhere/python"
+    with pytest.raises(Unavailable, match="/nowhere/python"):
+        nowhere.simulate(case.model_path, prescribed_run(case, "dynamics"))
+
+
+def test_requirements_are_a_tuple() -> None:
+    """A text alone is a sequence of letters."""
+    with pytest.raises(ValueError, match="give a tuple"):
+        HostedEngine("x.py", "x==1", title="X", about=About("", ""))
+
+
+@pytest.mark.parametrize("error", [TimedOut("of time"), OutOfMemory("of memory"), Crashed("dead")])
+def test_limits_of_an_interpreter_are_outcomes_of_the_run(
+    error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Time and memory are no crash, as in other engines."""
+
+    class Failing(HostedEngine):
+        def simulate(self, model: Path, run: object) -> Curves:
+            raise error
+
+    engine = Failing(SCRIPT, ("x==1",), title="X", about=About("", ""))
+    monkeypatch.setattr(solve, "engine_of", lambda name: engine)
+    with pytest.raises(type(error), match=f"^{error}$"):
+        solve.call_engine("x", Path(), None)  # type: ignore[arg-type]
