@@ -12,13 +12,14 @@ from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.run import Run
 from proofmass.verdict.compare import compare
+from tests.engines import why_not_there
 from tests.shipped import shipped, shipped_case
 
 
 @pytest.fixture(scope="module", autouse=True)
 def provided() -> None:
     """The packages of the engine."""
-    if why := engine_of("drake").provide():
+    if why := why_not_there("drake"):
         pytest.skip(why)
 
 

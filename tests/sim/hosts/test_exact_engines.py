@@ -12,6 +12,7 @@ from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import Diverged, Unsupported
 from proofmass.sim.protocol.run import Run
 from proofmass.verdict.compare import compare
+from tests.engines import why_not_there
 from tests.shipped import shipped, shipped_case
 
 EXACT = ("pinocchio", "simbody")
@@ -91,7 +92,7 @@ GEARED = """
 def provided() -> None:
     """The packages of both engines."""
     for name in EXACT:
-        if why := engine_of(name).provide():
+        if why := why_not_there(name):
             pytest.skip(why)
 
 

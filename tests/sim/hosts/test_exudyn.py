@@ -12,6 +12,7 @@ from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import Diverged, Unsupported
 from proofmass.sim.protocol.run import Run
 from proofmass.verdict.compare import compare
+from tests.engines import why_not_there
 from tests.shipped import shipped, shipped_case
 
 CHAIN = """
@@ -34,7 +35,7 @@ CHAIN = """
 @pytest.fixture(scope="module", autouse=True)
 def provided() -> None:
     """The packages of the engine."""
-    if why := engine_of("exudyn").provide():
+    if why := why_not_there("exudyn"):
         pytest.skip(why)
 
 

@@ -22,6 +22,7 @@ from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.run import Run
+from tests.engines import why_not_there
 from tests.shipped import shipped, shipped_case
 
 PYMUNK = "pymunk==6.8.1"
@@ -64,7 +65,7 @@ RATES = re.compile("rate|velocity")
 @cache
 def provided(engine: str) -> str:
     """Why an engine cannot be had, asked once."""
-    return engine_of(engine).provide()
+    return why_not_there(engine)
 
 
 @pytest.fixture
@@ -231,8 +232,8 @@ def test_versions_of_pymunk_have_the_same_digits(name):
     case, found = shipped_case(shipped(f"{name}.toml")), []
     run = prescribed_run(case, "dynamics")
     for version in ("6.4.0", "7.3.1"):
-        engine = engine_of("pymunk").at_version(version)
-        if why := engine.provide():
+        engine = engine_of(f"pymunk=={version}")
+        if why := why_not_there(f"pymunk=={version}"):
             pytest.skip(why)
         found.append(engine.simulate(case.model_path, replace(run, x=run.x[:21], settings={})))
     for channel, values in found[0].channels.items():

@@ -2,14 +2,14 @@
 
 import pytest
 
-from proofmass.sim.engines import engine_of
 from proofmass.studies.cells import Cell
+from tests.engines import why_not_there
 from tests.shipped import shipped, shipped_case
 
 
 def cell(name: str, engine: str):
     """The run in time of a case, if the engine can be had."""
-    if why := engine_of(engine).provide():
+    if why := why_not_there(engine):
         pytest.skip(why)
     return Cell(shipped_case(shipped(f"{name}.toml")), "dynamics", engine).measure()[0]
 

@@ -14,6 +14,7 @@ from proofmass.run.solve import prescribed_run, settings_of
 from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.verdict.compare import compare
+from tests.engines import why_not_there
 from tests.shipped import MODELS, shipped, shipped_case
 
 PATH_SHARE = 1e-5
@@ -29,7 +30,7 @@ CASES = sorted(path.stem for path in MODELS.rglob("*.toml"))
 @pytest.fixture(scope="module", autouse=True)
 def version() -> str:
     """The version in another interpreter."""
-    if why := engine_of("mujoco==4.0.0").provide():
+    if why := why_not_there("mujoco==4.0.0"):
         pytest.skip(why)
     return "mujoco==4.0.0"
 

@@ -6,8 +6,8 @@ is its error of the step, or an error of the reference.
 
 import pytest
 
-from proofmass.sim.engines import engine_of
 from proofmass.studies.cells import Cell
+from tests.engines import why_not_there
 from tests.shipped import MODELS, shipped, shipped_case
 
 WITNESSED = 1e-8
@@ -25,7 +25,7 @@ CASES = sorted(path.stem for path in MODELS.rglob("*.toml"))
 @pytest.fixture(scope="module", autouse=True)
 def provided() -> None:
     """The packages of the engine."""
-    if why := engine_of("pinocchio").provide():
+    if why := why_not_there("pinocchio"):
         pytest.skip(why)
 
 
