@@ -124,13 +124,20 @@ def engine_lines(results: Sequence[CellResult]) -> Iterator[str]:
     for solver in solvers:
         found = summarize_engine(solver, results)
         yield ""
-        median = f", median error {number(found.middle)}" if found.filled else ""
-        yield f"**{found.title}**: {found.filled} of {found.of} runs{median}."
-        if found.solves:
-            yield f"{found.solves}. Licence: {found.licence}."
-        yield from (f"{sentence}" for sentence in found.sentences)
-        if found.versions:
-            yield f"Computed by {found.versions}."
+        median = (
+            f", median error {number(found.middle)}, median time {number(found.seconds)} s"
+            if found.filled
+            else ""
+        )
+        solves = f" {found.solves[:1].upper()}{found.solves[1:]}." if found.solves else ""
+        licence = f" Licence: {found.licence}." if found.licence else ""
+        by = f" Computed by {found.versions}." if found.versions else ""
+        yield f"**{found.title}**: {found.filled} of {found.of} runs{median}.{solves}{licence}{by}"
+        yield ""
+        own = [one for one in found.sentences if not one.startswith("Refused: ")]
+        yield from (f"- {sentence}" for sentence in own)
+        if refused := [one.removeprefix("Refused: ") for one in found.sentences if one not in own]:
+            yield f"- Refused: {'; '.join(refused)}."
 
 
 def witness_lines(results: Sequence[CellResult]) -> Iterator[str]:

@@ -98,7 +98,8 @@ def named_engines(engines: Sequence[str]) -> list[str]:
 def engine_table(asked: Sequence[str], results: Sequence[CellResult]) -> Table:
     """A row for each engine: its runs, and its errors."""
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("engine", "runs", "median error", "silently wrong", "lost", "refused"):
+    names = ("engine", "runs", "median error", "median s", "silently wrong", "lost", "refused")
+    for name in names:
         table.add_column(name, justify="left" if name == "engine" else "right", no_wrap=True)
     for solver in asked:
         own = [one for one in results if one.solver == solver]
@@ -107,8 +108,9 @@ def engine_table(asked: Sequence[str], results: Sequence[CellResult]) -> Table:
         refused = sum(one.outcome in ("unsupported", "unavailable") for one in own)
         lost = found.of - found.filled - refused
         middle = f"{found.middle:.1e}" if found.filled else "–"
-        counts = (f"{found.filled} of {found.of}", middle, str(silent), str(lost), str(refused))
-        table.add_row(found.title, *counts)
+        seconds = f"{found.seconds:.2g}" if found.filled else "–"
+        runs = f"{found.filled} of {found.of}"
+        table.add_row(found.title, runs, middle, seconds, str(silent), str(lost), str(refused))
     return table
 
 

@@ -211,7 +211,9 @@ class Cell:
             )
         except tuple(OUTCOME_OF_EXCEPTION) as error:
             outcome, words = OUTCOME_OF_EXCEPTION[type(error)], str(error)
-        except (InputError, BadModel) as error:
+        except InputError as error:
+            outcome, words = Outcome.NO_START, ": ".join(filter(None, (error.key, error.wrong)))
+        except BadModel as error:
             outcome, words = Outcome.NO_START, str(error)
         except Exception as error:
             outcome, words = Outcome.CRASHED, f"{type(error).__name__}: {error}"

@@ -28,6 +28,8 @@ class EngineSummary:
         Cells with curves that were compared, and all its cells.
     middle : float
         Median of the largest errors of positions, as shares of the range [1].
+    seconds : float
+        Median of the processor time of the steps of a run [s], with the time steps of the models.
     sentences : tuple of str
         Where it is good and where it breaks.
     versions : str
@@ -43,6 +45,7 @@ class EngineSummary:
     filled: int
     of: int
     middle: float
+    seconds: float
     sentences: tuple[str, ...]
     versions: str
 
@@ -64,6 +67,7 @@ def summarize_engine(solver: str, results: Sequence[CellResult]) -> EngineSummar
         len(filled),
         len(own),
         median(errors) if errors else float("nan"),
+        median([one.seconds for one in filled]) if filled else float("nan"),
         tuple(sentences_on(own, filled)),
         ", ".join(f"{name} {version}" for name, version in versions.items()),
     )

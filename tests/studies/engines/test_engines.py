@@ -130,8 +130,8 @@ def test_table_counts_runs() -> None:
     """A row for each engine with what became of its runs."""
     table = engine_table(["bullet", "mujoco"], RESULTS)
     cells = [list(column.cells) for column in table.columns]
-    assert [column[0] for column in cells] == ["Bullet", "3 of 6", "1.0e-04", "1", "2", "1"]
-    assert [column[1] for column in cells] == ["MuJoCo", "1 of 1", "5.0e-12", "0", "0", "0"]
+    assert [column[0] for column in cells] == ["Bullet", "3 of 6", "1.0e-04", "0.1", "1", "2", "1"]
+    assert [column[1] for column in cells] == ["MuJoCo", "1 of 1", "5.0e-12", "0.1", "0", "0", "0"]
 
 
 def test_unknown_engine_is_bad_input(tmp_path: Path) -> None:
