@@ -429,6 +429,14 @@ def set_timers(seconds: float) -> None:
     It also ends after the longest wall time that so much can take, in case its caller is gone.
     """
     if hasattr(signal, "setitimer"):
-        longest = max(seconds, MIN_PERIOD) / IDLE_SHARE if seconds else 0.0
         signal.setitimer(signal.ITIMER_PROF, min(seconds, LONGEST_ALARM))
-        signal.setitimer(signal.ITIMER_REAL, min(longest, LONGEST_ALARM))
+        signal.setitimer(signal.ITIMER_REAL, longest_wall_time(seconds))
+
+
+def longest_wall_time(seconds: float) -> float:
+    """The longest wall time [s] that a processor time [s] can take; 0 of 0.
+
+    >>> longest_wall_time(10.0), longest_wall_time(0.0)
+    (1000.0, 0.0)
+    """
+    return min(max(seconds, MIN_PERIOD) / IDLE_SHARE, LONGEST_ALARM) if seconds else 0.0

@@ -31,6 +31,7 @@ from proofmass.base.worker import (
     Crashed,
     OutOfMemory,
     TimedOut,
+    longest_wall_time,
     name_signal,
 )
 from proofmass.sim import interpreter
@@ -215,10 +216,16 @@ class Host:
         seconds, memory = remaining_limits()
         self.errors.seek(0)
         self.errors.truncate()
-        request = {"mechanism": mechanism, "settings": settings}
+        request = {
+            "mechanism": mechanism,
+            "settings": settings,
+            "seconds": seconds,
+            "wall_seconds": longest_wall_time(seconds),
+            "memory": memory,
+        }
         try:
             to = cast(Any, self.process.stdin)
-            wire.send(to, request | {"seconds": seconds, "memory": memory})
+            wire.send(to, request)
         except BrokenPipeError:
             raise self.death(seconds) from None
         answer = self.receive(seconds)

@@ -358,7 +358,7 @@ class NeutralMechanism:
 
 @dataclass
 class LinkStates:
-    """LinkStates of all links at the samples, and what the run took.
+    """States of all links at the samples, and what the run took.
 
     Attributes
     ----------
@@ -396,7 +396,7 @@ class LinkStates:
 
     @classmethod
     def empty(cls, mechanism: NeutralMechanism) -> LinkStates:
-        """LinkStates of all links at the start pose, at rest."""
+        """States of all links at the start pose, at rest."""
         n, links = mechanism.samples, mechanism.links
         place = np.tile(np.array([one.centre for one in links]), (n, 1, 1))
         none = np.zeros_like(place)

@@ -4,7 +4,8 @@ It loads the script of the engine, and answers requests on standard input with m
 output, see `wire`.  What the engine prints goes to standard error.  It ends when standard input
 closes, also in the middle of a run.
 
-A request has the mechanism, the settings, and limits of processor time [s] and memory [bytes].  An
+A request has the mechanism, the settings, and limits of processor time [s], wall time [s]
+and memory [bytes].  An
 answer has one of
 
     states      the `LinkStates` of the run, with the versions of what computed
@@ -47,7 +48,7 @@ def load_module(name: str, path: str, inside: Any = None) -> Any:
 
 
 def main() -> None:
-    """NeutralLoad the engine, say that it is there, and answer requests."""
+    """Load the engine, say that it is there, and answer requests."""
     with open("started", "w"):  # in a folder of its own: uv has done its part
         pass
     answers = os.fdopen(os.dup(1), "wb")
@@ -72,9 +73,9 @@ def main() -> None:
         return
     while True:
         request = wire.unpack(requests.get())
-        limit(request["seconds"], request["memory"])
+        limit(request["seconds"], request["wall_seconds"], request["memory"])
         answer = answer_request(script, request)
-        limit(0.0, request["memory"])
+        limit(0.0, 0.0, request["memory"])
         wire.send(answers, answer)
 
 
@@ -127,10 +128,11 @@ def receive_requests(wire: Any, requests: Any) -> None:
         os._exit(0)
 
 
-def limit(seconds: float, memory: int) -> None:
-    """Let the system end this process after a processor time [s], 0: never; limit its memory."""
+def limit(seconds: float, wall_seconds: float, memory: int) -> None:
+    """Let the system end this process after two times [s], 0: never; limit its memory [bytes]."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_PROF, seconds)
+        signal.setitimer(signal.ITIMER_REAL, wall_seconds)
     try:
         import resource
     except ImportError:

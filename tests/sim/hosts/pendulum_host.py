@@ -4,6 +4,7 @@ It runs in the interpreter of the tests, and needs NumPy and ``proofmass_host`` 
 """
 
 import os
+import signal
 import sys
 import time
 
@@ -53,6 +54,9 @@ def fail(how: str) -> None:
     elif how == "computes for ever":
         while True:
             pass
+    elif how == "tells its timers":
+        timers = signal.ITIMER_PROF, signal.ITIMER_REAL
+        raise ValueError(" ".join(str(signal.getitimer(one)[0]) for one in timers))
     elif how == "eats memory":
         kept = [np.ones(2**27) for _ in range(10**6)]
         time.sleep(len(kept))

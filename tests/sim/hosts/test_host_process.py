@@ -122,6 +122,15 @@ def test_engine_that_hangs_is_ended() -> None:
         swing_isolated(timeout=3.0, fails="computes for ever")
 
 
+def test_interpreter_has_the_timers_of_a_worker() -> None:
+    """An interpreter that waits for ever does not outlive its worker: wall time has a limit too."""
+    with pytest.raises(Crashed) as crash:
+        swing_isolated(timeout=10.0, fails="tells its timers")
+    processor, wall = (float(one) for one in str(crash.value).split()[1:3])
+    assert 0 < processor <= 10.0
+    assert 99.0 * processor < wall <= 1000.0  # 100 times, and the system counts in ticks
+
+
 def test_engine_that_eats_memory_is_ended() -> None:
     """So does the limit of memory."""
     with pytest.raises(OutOfMemory, match="1 GiB"):
