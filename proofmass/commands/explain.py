@@ -4,11 +4,12 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
+from proofmass.base.json_values import replace_nonfinite
 from proofmass.batch.check import load_validated
 from proofmass.commands.command import error_console, exit_on_error, find_sidecar, progress_bar
 from proofmass.evidence.coverage import find_coverage
 from proofmass.formats.explain import WIDTH, format_coverage
-from proofmass.formats.terminal import describe_unmatched, make_console, replace_nonfinite
+from proofmass.formats.terminal import describe_unmatched, make_console
 
 
 def run_explain(path: Path, as_json: bool, jobs: int | None) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from proofmass.base.errors import InputError
 from proofmass.base.files import write_output
+from proofmass.base.wording import format_count
 from proofmass.batch.check import collect_inputs, load_validated, rename_case, unique_names
 from proofmass.batch.pool import pool
 from proofmass.case.case import Case
@@ -23,7 +24,7 @@ from proofmass.studies.study import Study
 from proofmass.studies.versions.bare import BareCell
 from proofmass.studies.versions.bisect import MakeCell, VersionSeries, measure_versions
 from proofmass.studies.versions.changes import VersionChange
-from proofmass.studies.versions.table import as_data, change_table, count_words, date_lines
+from proofmass.studies.versions.table import as_data, change_table, date_lines
 
 OLDEST_RELEASES = {"mujoco": "3.1.0", "pymunk": "6.4.0"}
 """The oldest releases that are looked at if none is given: those that the scripts can drive."""
@@ -155,7 +156,7 @@ def print_changes(
         console.print(line)
     changed = {one.case for one in changes}
     console.print(
-        f"{count_words(len(changed), 'case')} of {len(series)} changed between "
-        f"{format_solver(engine)} {versions[0]} and {versions[-1]}: {count_words(runs, 'run')} in "
-        f"{count_words(len(versions), 'version')}"
+        f"{format_count(len(changed), 'case')} of {len(series)} changed between "
+        f"{format_solver(engine)} {versions[0]} and {versions[-1]}: {format_count(runs, 'run')} in "
+        f"{format_count(len(versions), 'version')}"
     )

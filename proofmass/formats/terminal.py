@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from proofmass.base.grouping import group_by
+from proofmass.base.json_values import replace_nonfinite
 from proofmass.batch.check import Result, family_of
 from proofmass.case.case import Case
 from proofmass.sim.engines import NATIVE_ENGINE
@@ -137,19 +138,6 @@ def explanation_data(cause: "Explanation") -> dict[str, Any]:
 def fault_data(fault: "Fault") -> dict[str, Any]:
     """A fault as data."""
     return vars(fault) | {"file": str(fault.file)}
-
-
-def replace_nonfinite(value: Any) -> Any:
-    """Return nested lists and dicts in which numbers that are not finite are None.
-
-    >>> replace_nonfinite([{"size": float("nan"), "relative": True}])
-    [{'size': None, 'relative': True}]
-    """
-    if isinstance(value, dict):
-        return {key: replace_nonfinite(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [replace_nonfinite(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def make_console(width: int = UNLIMITED_WIDTH) -> Console:

@@ -17,9 +17,9 @@ import numpy as np
 from markupsafe import Markup
 
 from proofmass.base.arrays import Array
+from proofmass.base.json_values import replace_nonfinite
 from proofmass.base.wording import format_unit
 from proofmass.case.case import Case
-from proofmass.formats import terminal
 from proofmass.report.data import PlottedRun, displayed_unit, drive_curves, drive_units
 from proofmass.report.style import Look
 from proofmass.report.svg_markers import MARKER_PATHS
@@ -106,9 +106,7 @@ def runs_data(runs: Sequence[PlottedRun], max_characters: int) -> dict[str, Any]
 
 def script_json(data: Mapping[str, Any]) -> Markup:
     """Return a dict as JSON that is safe in an element ``script``."""
-    text = json.dumps(
-        terminal.replace_nonfinite(data), separators=(",", ":"), allow_nan=False, default=str
-    )
+    text = json.dumps(replace_nonfinite(data), separators=(",", ":"), allow_nan=False, default=str)
     return Markup(text.replace("<", "\\u003c"))
 
 

@@ -18,8 +18,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from proofmass.base.errors import InputError
 from proofmass.base.files import read_text, write_output
+from proofmass.base.json_values import replace_nonfinite
 from proofmass.batch.check import Result, family_of
-from proofmass.formats.terminal import COMPARISON_KEYS, replace_nonfinite
+from proofmass.formats.terminal import COMPARISON_KEYS
 from proofmass.report.commit import commit_of
 from proofmass.report.families import reference_name
 from proofmass.report.page import read_versions

@@ -83,6 +83,20 @@ def key_names(model: mujoco.MjModel) -> list[str]:
     return [model.key(k).name for k in range(model.nkey)]
 
 
+def find_id(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
+    """The id of a named element; if there is none, an error lists the names in the model."""
+    index = mujoco.mj_name2id(model, kind, name)
+    if index < 0:
+        count = {
+            OBJ.mjOBJ_JOINT: model.njnt,
+            OBJ.mjOBJ_KEY: model.nkey,
+            OBJ.mjOBJ_SENSOR: model.nsensor,
+        }[kind]
+        names = [mujoco.mj_id2name(model, kind, i) for i in range(count)]
+        raise BadModel(f"no <{word}> named {name!r}; there are: {', '.join(map(str, names))}")
+    return index
+
+
 @read_once(None)
 def sensor_names(model: mujoco.MjModel) -> tuple[str, ...]:
     """The names of the sensors."""

@@ -38,6 +38,7 @@ from proofmass.sim.contents import (
     anchor_bodies,
     anchors,
     control_indices,
+    find_id,
     gear_of,
     is_disabled,
     is_linear_in_joint,
@@ -156,7 +157,9 @@ class NeutralReader:
         self.model, self.run = model, run
         self.asked_step = timestep
         self.count, self.step = run.steps(timestep)
-        self.driven = tuple(joint_number(model, drive.joint) for drive in run.drives)
+        self.driven = tuple(
+            find_id(model, OBJ.mjOBJ_JOINT, "joint", drive.joint) for drive in run.drives
+        )
         self.qpos, self.qvel = state or start_state(model, run)
         self.data = mujoco.MjData(model)
         if model.nkey and state is None:
@@ -427,7 +430,7 @@ def read_mechanism(
     if run.kind != "dynamics":
         raise Unsupported(f"{run.kind}: the engine is stepped in time only")
     model = compile_model(path, run.rods)
-    driven = tuple(joint_number(model, drive.joint) for drive in run.drives)
+    driven = tuple(find_id(model, OBJ.mjOBJ_JOINT, "joint", drive.joint) for drive in run.drives)
     kind = RunKind.DRIVEN_MOTION if driven else RunKind.FREE_MOTION
     if refused := examine(read_compiled(model), support, kind, driven)[0]:
         raise Unsupported(f"{'; '.join(refused)} in {kind.in_words}")
@@ -440,18 +443,3 @@ def read_mechanism(
             f"{opening:.3g} m{hint}"
         )
     return NeutralReader(model, run, timestep or float(model.opt.timestep))
-
-
-def joint_number(model: mujoco.MjModel, name: str) -> int:
-    """The number of a joint.
-
-    Raises
-    ------
-    BadModel
-        There is no such joint.
-    """
-    found = mujoco.mj_name2id(model, OBJ.mjOBJ_JOINT, name)
-    if found < 0:
-        there = ", ".join(model.joint(j).name for j in range(model.njnt))
-        raise BadModel(f"no <joint> named {name!r}; there are: {there}")
-    return int(found)

@@ -9,7 +9,7 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from math import isfinite, nan
+from math import nan
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
 from proofmass.base.files import write_atomically
+from proofmass.base.json_values import replace_nonfinite, restore_nan
 from proofmass.base.strict import Kind
 from proofmass.base.units import FORCE_UNITS, MOTION_UNITS, POSITION_UNITS
 from proofmass.base.worker import call_isolated
@@ -130,26 +131,12 @@ class CellResult:
     @classmethod
     def read(cls, record: dict[str, Any]) -> "CellResult":
         """The result of a record that `record` made."""
-        errors = tuple(ChannelError(**_numbers(one)) for one in record["errors"])
-        return cls(**{**_numbers(record), "errors": errors})
+        errors = tuple(ChannelError(**restore_nan(one)) for one in record["errors"])
+        return cls(**{**restore_nan(record), "errors": errors})
 
     def record(self) -> dict[str, Any]:
         """The result as values of JSON; numbers that are not finite are None."""
-        return _without_nan(asdict(self))
-
-
-def _numbers(record: dict[str, Any]) -> dict[str, Any]:
-    """A record with NaN where it has None."""
-    return {key: nan if value is None else value for key, value in record.items()}
-
-
-def _without_nan(value: Any) -> Any:
-    """Values of JSON, with None in place of numbers that are not finite."""
-    if isinstance(value, dict):
-        return {key: _without_nan(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(one) for one in value]
-    return None if isinstance(value, float) and not isfinite(value) else value
+        return replace_nonfinite(asdict(self))
 
 
 def channel_kind(unit: str) -> str:

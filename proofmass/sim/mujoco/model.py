@@ -19,6 +19,7 @@ from proofmass.base.arrays import Array
 from proofmass.sim.contents import (
     active_connects,
     anchors,
+    find_id,
     format_parts,
     joint_of,
     pose_of,
@@ -98,20 +99,6 @@ def start_key(model: mujoco.MjModel, run: Run) -> int:
     if run.kind == "passive":
         return max(0, mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, run.start))
     return find_id(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
-
-
-def find_id(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
-    """The id of a named element; if there is none, an error lists the names in the model."""
-    index = mujoco.mj_name2id(model, kind, name)
-    if index < 0:
-        count = {
-            mujoco.mjtObj.mjOBJ_JOINT: model.njnt,
-            mujoco.mjtObj.mjOBJ_KEY: model.nkey,
-            mujoco.mjtObj.mjOBJ_SENSOR: model.nsensor,
-        }[kind]
-        names = [mujoco.mj_id2name(model, kind, i) for i in range(count)]
-        raise BadModel(f"no <{word}> named {name!r}; there are: {', '.join(map(str, names))}")
-    return index
 
 
 def refuse_uncovered(model: mujoco.MjModel, kind: RunKind, drives: Sequence[str] = ()) -> None:

@@ -6,12 +6,13 @@ It is written from ``versions.json``, so that a report can write it again.
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import nan
 from pathlib import Path
 from typing import Any
 
 from proofmass.base.errors import InputError
 from proofmass.base.files import read_text
+from proofmass.base.json_values import restore_nan
+from proofmass.base.wording import format_count
 from proofmass.report.page import slug
 from proofmass.report.study import PageWriter, StudyPages, prepare_folder
 from proofmass.sim.engines import format_solver
@@ -19,7 +20,6 @@ from proofmass.studies.cells import CellResult
 from proofmass.studies.versions.changes import VersionChange, version_of
 from proofmass.studies.versions.table import (
     change_cells,
-    count_words,
     date_lines,
     result_cell,
 )
@@ -78,7 +78,7 @@ def write_versions(folder: Path | str, output: Path | str, home: str = "") -> St
         changes=[change_cells(one) for one in changes],
         rows=rows,
         stages=max((len(row[2]) for row in rows), default=0),
-        count=f"{count_words(len(changed), 'case')} of {len(cases)}",
+        count=f"{format_count(len(changed), 'case')} of {len(cases)}",
         table=VERSIONS_TABLE,
     )
     return StudyPages(page, {name: f"index.html#{slug(name)}" for name in cases})
@@ -90,7 +90,7 @@ def read_comparison(file: Path) -> dict[str, Any]:
         data = json.loads(read_text(file))
         read: Any = VersionChange
         changes = [
-            read(**{k: nan if v is None else v for k, v in one.items() if k != "factor"})
+            read(**{k: v for k, v in restore_nan(one).items() if k != "factor"})
             for one in data["changes"]
         ]
         results = [CellResult.read(one) for one in data["results"]]

@@ -7,7 +7,8 @@ from typing import Any
 from rich.table import Table
 
 from proofmass.base.grouping import group_by
-from proofmass.base.wording import number
+from proofmass.base.json_values import replace_nonfinite
+from proofmass.base.wording import format_count, number
 from proofmass.studies.cells import CellResult
 from proofmass.studies.versions.bisect import VersionSeries
 from proofmass.studies.versions.changes import VersionChange
@@ -83,9 +84,9 @@ def date_lines(changes: Sequence[VersionChange]) -> Iterator[str]:
                 span = (
                     f"{min(ratios):.2g} to {max(ratios):.2g}" if ratios[1:] else f"{ratios[0]:.2g}"
                 )
-                parts.append(f"errors of {count_words(len(ratios), 'case')} {words}, {span} x")
+                parts.append(f"errors of {format_count(len(ratios), 'case')} {words}, {span} x")
         if others:
-            moved = f"motions of {count_words(len(others), 'model')} moved"
+            moved = f"motions of {format_count(len(others), 'model')} moved"
             parts.append(f"{moved}, by {number(max(others))} of the range at most")
         if runs:
             now = sorted(
@@ -94,17 +95,8 @@ def date_lines(changes: Sequence[VersionChange]) -> Iterator[str]:
                     for o in runs
                 }
             )
-            parts.append(f"{count_words(len(runs), 'case')} {' or '.join(now)}")
+            parts.append(f"{format_count(len(runs), 'case')} {' or '.join(now)}")
         yield f"changed in {version}: {'; '.join(parts)}"
-
-
-def count_words(count: int, word: str) -> str:
-    """A number of things.
-
-    >>> count_words(1, "case"), count_words(2, "case")
-    ('1 case', '2 cases')
-    """
-    return f"{count} {word}{'s' * (count != 1)}"
 
 
 def result_cell(result: CellResult | None) -> str:
@@ -127,14 +119,6 @@ def as_data(
     return {
         "engine": engine,
         "versions": list(series[0].versions) if series else [],
-        "changes": [
-            {key: finite(value) for key, value in vars(one).items()} | {"factor": finite(one.ratio)}
-            for one in changes
-        ],
+        "changes": [replace_nonfinite(vars(one) | {"factor": one.ratio}) for one in changes],
         "results": [result.record() for one in series for _, result in sorted(one.results.items())],
     }
-
-
-def finite(value: Any) -> Any:
-    """The value, or None if it is a number that is not finite."""
-    return None if isinstance(value, float) and not isfinite(value) else value
