@@ -301,6 +301,27 @@ def format_parts(model: mujoco.MjModel, s: int) -> str:
     return f"{first} or .{parts[-1]}{angle}"
 
 
+def find_channel(model: mujoco.MjModel, name: str) -> tuple[int, str]:
+    """The number of the sensor of a channel in a plane, and the part of it that the channel is.
+
+    Raises
+    ------
+    BadModel
+        There is no such sensor, or no such part of it.
+    """
+    names = sensor_names(model)
+    sensor, part = split_channel(name, names)
+    if sensor not in names:
+        raise BadModel(
+            f"no sensor '{sensor}' for channel '{name}'; the model has {', '.join(names) or 'none'}"
+        )
+    s = names.index(sensor)
+    angle = ("angle",) if S(int(model.sensor_type[s])) == S.mjSENS_FRAMEXAXIS else ()
+    if part not in (*sensor_parts(model, s), *angle):
+        raise BadModel(f"no channel '{name}'; use {format_parts(model, s)}")
+    return s, part
+
+
 def joint_sensor_unit(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | None:
     """The SI unit of sensor number s if it is on a joint, its actuator, or a straight tendon."""
     joint, force = int(model.sensor_objid[s]), kind in JOINT_FORCE_SENSORS

@@ -11,18 +11,16 @@ from scipy.spatial.transform import Rotation
 from proofmass.analytic.numerics import unwrap_quaternions
 from proofmass.base.arrays import Array
 from proofmass.sim.contents import (
-    format_parts,
+    find_channel,
     gear_of_force,
     is_linear_in_joint,
     joint_of,
-    sensor_names,
-    sensor_parts,
     straight_tendon,
 )
 from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
 from proofmass.sim.neutral import NeutralReader
-from proofmass.sim.protocol.curves import Curves, split_channel
-from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import Diverged, Unsupported
 from proofmass.sim.smooth import SmoothTerms
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
@@ -185,17 +183,8 @@ class StateCurves:
     def channel(self, name: str) -> Array | str:
         """The curve (n,) of a channel, or why there is none."""
         model = self.reader.model
-        names = sensor_names(model)
-        sensor, part = split_channel(name, names)
-        if sensor not in names:
-            raise BadModel(
-                f"no sensor {sensor!r} for channel {name!r}; there are: {', '.join(names)}"
-            )
-        s = names.index(sensor)
+        s, part = find_channel(model, name)
         kind = S(int(model.sensor_type[s]))
-        angle = ("angle",) if kind == S.mjSENS_FRAMEXAXIS else ()
-        if part not in (*sensor_parts(model, s), *angle):
-            raise BadModel(f"no channel {name!r}; use {format_parts(model, s)}")
         if model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:
             return "a sensor with a reference frame is not evaluated from states"
         for read in self.readers:

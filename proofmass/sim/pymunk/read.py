@@ -8,15 +8,12 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.sim.contents import (
-    format_parts,
+    find_channel,
     gear_of_force,
     is_linear_in_joint,
     joint_of,
-    sensor_names,
-    sensor_parts,
 )
 from proofmass.sim.plane import MotionPlane
-from proofmass.sim.protocol.curves import split_channel
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.pymunk.kinematics import derivative_along, joint_value, rotate, spring_length
 from proofmass.sim.pymunk.links import LinkJoint, Links, LinkSpring
@@ -205,17 +202,8 @@ def read_channel(links: Links, name: str) -> Sensor | str:
         There is no such sensor, or no such component of it.
     """
     model = links.model
-    names = sensor_names(model)
-    sensor, part = split_channel(name, names)
-    if sensor not in names:
-        raise BadModel(
-            f"no sensor '{sensor}' for channel '{name}'; the model has {', '.join(names) or 'none'}"
-        )
-    s = names.index(sensor)
+    s, part = find_channel(model, name)
     kind = S(int(model.sensor_type[s]))
-    angle = ("angle",) if kind == S.mjSENS_FRAMEXAXIS else ()
-    if part not in (*sensor_parts(model, s), *angle):
-        raise BadModel(f"no channel '{name}'; use {format_parts(model, s)}")
     if model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:
         return "a sensor with a reference frame is not rebuilt for pymunk"
     if kind in SENSOR_ORDERS:
