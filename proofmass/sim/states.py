@@ -162,11 +162,11 @@ class StateCurves:
             notes=self.states.notes,
             asked_step=self.reader.asked_step,
         )
-        if good < run.x.size:
+        if good < run.x.size or self.states.failed:
             why = self.states.failed or "the run ended early"
             if good < n:
                 why = f"a loop or joint came open by {self.openings[good]:.3g} m"
-            when = run.x[good]
+            when = run.x[min(good, run.x.size - 1)]
             raise Diverged(f"{why} (t = {when:.4g} s)", curves.first(good) if good else None)
         return curves
 

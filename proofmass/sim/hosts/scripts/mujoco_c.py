@@ -58,8 +58,10 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     model, data = build(mjcf)
     count, n, changes = mechanism.count, mechanism.samples, mjcf.changed.size > 0
     rows = [np.empty((n, size)) for size in (model.nq, model.nv, model.nv)]
+    times = np.empty(n)
     with Stopwatch() as watch:
         for k in range(n):
+            times[k] = data.time
             data.qfrc_applied[mjcf.dofs] = mjcf.instant[k * count]
             if changes:
                 data.ctrl[mjcf.changed] = mjcf.controls[2 * k * count]
@@ -72,7 +74,11 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
                     data.ctrl[mjcf.changed] = mjcf.controls[2 * i + 1]
                 mujoco.mj_step(model, data)
     numbers = [data.warning[int(getattr(mujoco.mjtWarning, name))].number for name in FATAL]
-    failed = " and ".join(name for name, number in zip(FATAL, numbers) if number)
+    said = [name[7:].lower() for name, number in zip(FATAL, numbers) if number]
+    failed = f"MuJoCo warning {' and '.join(said)}" if said else ""
+    # with such a warning MuJoCo starts again, at time 0
+    lost = times < (np.arange(n) * count - 0.5) * model.opt.timestep
+    rows[0][int(np.argmax(lost)) if lost.any() else n :] = np.nan
     return states_of(mechanism, model, rows, watch.seconds, failed)
 
 
