@@ -9,9 +9,15 @@ from pathlib import Path
 from rich.table import Table
 
 from proofmass.base.files import write_output
+from proofmass.base.wording import format_list
 from proofmass.batch.check import family_of
 from proofmass.batch.pool import pool
-from proofmass.commands.command import exit_on_error, progress_bar, provide_engines
+from proofmass.commands.command import (
+    error_console,
+    exit_on_error,
+    progress_bar,
+    provide_engines,
+)
 from proofmass.commands.studies import load_cases
 from proofmass.formats.terminal import make_console
 from proofmass.sim.engines import NoEngine, engine_names, engine_of, hosted_names
@@ -69,6 +75,8 @@ def run_engines(
         asked = provide_engines(named_engines(engines))
         cases = load_cases(paths)
         cells = cells_of(cases, asked)
+        if left := [case.name for case in cases if "dynamics" not in case.run]:
+            error_console.print(f"left out, since they have no run in time: {format_list(left)}")
         study = Study(Store(output / "runs"))
         with pool(jobs, dask) as workers, progress_bar(len(cells), max_letters=40) as advance:
             results = measure_cells(cells, replace(study, workers=workers, progress=advance))

@@ -147,3 +147,12 @@ def test_unknown_engine_is_bad_input(tmp_path: Path) -> None:
     made = CliRunner().invoke(app, words)
     assert made.exit_code == 2
     assert "drake" in made.stderr
+
+
+def test_case_without_run_in_time_is_named(tmp_path: Path) -> None:
+    """Nothing of what was asked for is left out without a word."""
+    words = ["engines", str(shipped("pendulum.toml")), str(shipped("balancer4_sam.toml"))]
+    made = CliRunner().invoke(app, [*words, "--engine", "mujoco", "-o", str(tmp_path / "o")])
+    assert made.exit_code == 0, made.output
+    assert "left out, since they have no run in time: balancer4_sam\n" in made.stderr
+    assert "1 of 1" in made.stdout
