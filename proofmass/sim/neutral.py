@@ -250,7 +250,16 @@ class NeutralReader:
                 0.0 if j in self.driven else damping,
                 float(model.dof_armature[dof]) if one else 0.0,
                 force,
+                self.limits(j) if one else None,
+                float(model.dof_frictionloss[dof]) if one else 0.0,
             )
+
+    def limits(self, j: int) -> tuple[float, float] | None:
+        """The range of the coordinate of a hinge or slide that is not driven, if it has one."""
+        if not self.model.jnt_limited[j] or j in self.driven:
+            return None
+        low, high = self.model.jnt_range[j].tolist()
+        return low, high
 
     def actuation(self, j: int, rest: float) -> tuple[float, float, Array]:
         """Stiffness and damping of the servos on a joint, and the force of all its actuators.

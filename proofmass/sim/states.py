@@ -172,13 +172,12 @@ class StateCurves:
 
     def refuse_ends_of_ranges(self) -> None:
         """Raise `Unsupported` if a joint passes the end of its range, where it has no stop."""
-        model = self.reader.model
-        for j in np.flatnonzero(model.jnt_limited).tolist():
-            if self.mechanism.joints[j].kind not in ("hinge", "slide") or j in self.reader.driven:
+        for j, one in enumerate(self.mechanism.joints):
+            if one.limits is None:
                 continue
-            value, (low, high) = self.joint(j)[0], model.jnt_range[j]
+            value, (low, high) = self.joint(j)[0], one.limits
             if (value < low - RANGE_ROUNDING).any() or (value > high + RANGE_ROUNDING).any():
-                raise Unsupported(f"joint {model.joint(j).name!r} reaches the end of its range")
+                raise Unsupported(f"joint {one.name!r} reaches the end of its range")
 
     def channel(self, name: str) -> Array | str:
         """The curve (n,) of a channel, or why there is none."""

@@ -81,6 +81,11 @@ class NeutralJoint:
     force : ndarray (1,) or (2 steps + 1,)
         Moment or force on the child, with the reaction on the parent [N m or N]: constant, or at
         the beginning and in the middle of each step and at the end of the last.
+    limits : tuple of float, or None
+        Least and largest coordinate, where the joint has stops [rad or m]; None without a range,
+        and for a driven joint, whose motion is given.
+    friction : float
+        Largest dry friction, of a driven joint too [N m or N].
     """
 
     name: str
@@ -96,6 +101,8 @@ class NeutralJoint:
     damping: float
     armature: float
     force: PlainArray
+    limits: Any = None
+    friction: float = 0.0
 
     @property
     def is_sprung(self) -> bool:
