@@ -184,6 +184,7 @@ class Measurement:
     step: float = NAN
     load: float = NAN
     work: float = NAN
+    compile_seconds: float = 0.0
 
     @property
     def complete(self) -> bool:
@@ -302,6 +303,7 @@ def observe(task: StudyRun, is_repeat: bool, core: int | None) -> Measurement:
             step=step_taken(task.run, curves),
             load=max(before, load_average()),
             work=curves.work,
+            compile_seconds=curves.compile_seconds,
         )
         return cost if is_repeat else compare_run(case, run, curves, cost, task.reference)
 
@@ -351,11 +353,14 @@ def drives_moved(run: Run, curves: Curves) -> bool:
 
 
 def time_run(engine: str, model: Path, run: Run) -> tuple[Curves, float]:
-    """Curves of a run, and the share of its wall time that the processor gave to others [1]."""
+    """Curves of a run, and the share of its wall time that the processor gave to others [1].
+
+    The share is NaN if another interpreter computed: its processor time is known of the steps only.
+    """
     wall, own = time.perf_counter(), processor_time()
     curves = call_engine(engine, model, run)
     own, wall = processor_time() - own, time.perf_counter() - wall
-    return curves, max(0.0, 1.0 - own / wall)
+    return curves, NAN if curves.versions else max(0.0, 1.0 - own / wall)
 
 
 def first_not_finite(channels: dict[str, Array]) -> str:

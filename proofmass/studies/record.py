@@ -99,7 +99,8 @@ class StudyRow:
     pinned : bool
         Whether its process was pinned to a processor that no other run of a study used meanwhile.
     shared : float
-        Share of the time of the run in `seconds` that its processor gave to other processes [1].
+        Share of the time of the run in `seconds` that its processor gave to other processes [1];
+        NaN of an engine in an interpreter of its own.
     machine : str
         Name of the processor, and how many the machine has.
     outcome, message : str
@@ -122,6 +123,9 @@ class StudyRow:
     work : float
         Processor time that the steps of the run count [s], see
         `proofmass.sim.protocol.curves.Curves`.
+    compile_seconds : float
+        Processor time in which the engine compiled the model before its steps [s], which is no
+        part of `seconds`.
     """
 
     study: str
@@ -147,6 +151,7 @@ class StudyRow:
     step: float = NAN
     load: float = NAN
     work: float = NAN
+    compile_seconds: float = 0.0
 
     @property
     def cost(self) -> float:
@@ -189,11 +194,14 @@ RUN_COLUMNS = {
     "several rounds, of the others that of one run; a short run is made twice, and timed the "
     "second time",
     "pinned": "whether the process kept to one processor, and no other run of a study to the same",
-    "shared": "share of the time of the run in `seconds` that its processor gave to others [1]",
+    "shared": "share of the time of the run in `seconds` that its processor gave to others [1]; "
+    "empty of an engine in an interpreter of its own",
     "load": "largest load average of the last minute when a timed run began or ended, over all "
     "processors of the machine; empty where the system has none [processes]",
     "work": "processor time that the steps count, the same on every machine [s]; it decides which "
     "setting is cheaper",
+    "compile_seconds": "processor time in which the engine compiled the model before its steps, no "
+    "part of `seconds` [s]",
     "machine": "its processor, and how many it has",
     "outcome": "ran, stopped (a sweep that ended early), diverged, not finite, no reference (at a "
     "pose that the run came to), crashed, timed out, out of memory, unsupported",

@@ -332,4 +332,5 @@ def make_row(task: StudyRun, found: list[Measurement], is_timed: bool, key: str 
         first.step,
         max((one.load for one in timed_runs if not isnan(one.load)), default=NAN),
         first.work,
+        first.compile_seconds,
     )

@@ -183,6 +183,24 @@ def test_a_short_run_is_made_twice_if_its_time_matters(monkeypatch, timed, secon
     assert len(runs) == made
 
 
+def test_an_engine_in_another_interpreter_has_no_share_and_its_time_of_compilation(monkeypatch):
+    """This process waits for it; what waits gives no processor to others."""
+
+    def elsewhere(*run):
+        curves = call_engine(*run)
+        return replace(curves, versions={"engine": "1"}, compile_seconds=2.5)
+
+    own = observe(StudyRun(PENDULUM, "dynamics", EULER), False, None)
+    monkeypatch.setattr(measure, "call_engine", elsewhere)
+    task = StudyRun(PENDULUM, "dynamics", EULER)
+    found = make_row(task, [observe(task, False, None)], is_timed=True)
+    assert own.shared >= 0
+    assert own.compile_seconds == 0
+    assert np.isnan(found.shared)
+    assert found.compile_seconds == 2.5
+    assert found.errors == own.errors
+
+
 def test_the_load_is_the_larger_of_those_before_and_after_a_run(monkeypatch):
     told = iter([3.0, 1.0, 0.5, 7.0])
     monkeypatch.setattr(measure, "load_average", lambda: next(told))

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec
+from math import nan
 from pathlib import Path
 from typing import Any, cast
 
@@ -222,6 +223,7 @@ class Host:
             "seconds": seconds,
             "wall_seconds": longest_wall_time(seconds),
             "memory": memory,
+            "processors": own_processors(),
         }
         try:
             to = cast(Any, self.process.stdin)
@@ -287,6 +289,30 @@ def remaining_limits() -> tuple[float, int]:
         own = resource.getrlimit(resource.RLIMIT_DATA)[0]
         memory = FALLBACK_MEMORY if own == resource.RLIM_INFINITY else own
     return seconds or FALLBACK_SECONDS, memory
+
+
+def own_processors() -> list[int]:
+    """Processors that this process may use, which its interpreters use as well; empty: all."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+
+
+def measure_start(script: Path, requires: Sequence[str], python: str = "") -> float:
+    """Processor time in which an interpreter starts and imports its engine [s].
+
+    That of uv is part of it.  No other child of this process may end meanwhile; NaN where the
+    system does not count the processor time of children.
+
+    Raises
+    ------
+    Unavailable, Crashed
+        See `Host`.
+    """
+    if resource is None:
+        return nan
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    Host(script, requires, python).close()
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 _hosts: dict[tuple[str, ...], Host] = {}

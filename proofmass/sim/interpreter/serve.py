@@ -4,9 +4,8 @@ It loads the script of the engine, and answers requests on standard input with m
 output, see `wire`.  What the engine prints goes to standard error.  It ends when standard input
 closes, also in the middle of a run.
 
-A request has the mechanism, the settings, and limits of processor time [s], wall time [s]
-and memory [bytes].  An
-answer has one of
+A request has the mechanism, the settings, limits of processor time [s], wall time [s] and memory
+[bytes], and the numbers of the processors to use.  An answer has one of
 
     states      the `LinkStates` of the run, with the versions of what computed
     refused     what the engine cannot express
@@ -74,6 +73,7 @@ def main() -> None:
     while True:
         request = wire.unpack(requests.get())
         limit(request["seconds"], request["wall_seconds"], request["memory"])
+        use_processors(request["processors"])
         answer = answer_request(script, request)
         limit(0.0, 0.0, request["memory"])
         wire.send(answers, answer)
@@ -141,6 +141,12 @@ def limit(seconds: float, wall_seconds: float, memory: int) -> None:
     wanted = memory if most == resource.RLIM_INFINITY else min(memory, most)
     if memory:
         resource.setrlimit(resource.RLIMIT_DATA, (wanted, most))
+
+
+def use_processors(numbers: list) -> None:
+    """Run on some processors, those of the process that asks; on any if there are no numbers."""
+    if numbers and hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, numbers)
 
 
 if __name__ == "__main__":

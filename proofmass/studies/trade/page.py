@@ -297,7 +297,12 @@ def describe_timing(rows: Sequence[StudyRow]) -> str:
     ran = [row for row in rows if row.repeats]
     machines = ", ".join(dict.fromkeys(row.machine for row in ran if row.machine))
     pinned = sum(row.pinned for row in ran)
-    most_shared = max((row.shared for row in ran if row.shared >= 0), default=0.0)
+    shares = [row.shared for row in ran if row.shared >= 0]
+    shared = (
+        f", which gave others at most {number(100 * max(shares), 2)} % of its time"
+        if shares
+        else ""
+    )
     loads = [row.load for row in ran if row.load >= 0]
     load = f"; load average {number(min(loads), 2)} to {number(max(loads), 2)}" if loads else ""
     single_runs = sum(len(row.repeats) == 1 for row in ran)
@@ -305,8 +310,8 @@ def describe_timing(rows: Sequence[StudyRow]) -> str:
     return (
         f"{len(rows)} settings, {len(rows) - len(ran)} without times. Processor times: least of up "
         f"to {most} in rounds over the settings near the front, {single_runs} of a single run; "
-        f"{pinned} of {len(ran)} with a processor of their own, which gave others at most "
-        f"{number(100 * most_shared, 2)} % of its time{load}. {machines}"
+        f"{pinned} of {len(ran)} with a processor of their own{shared}"
+        f"{load}. {machines}"
     )
 
 

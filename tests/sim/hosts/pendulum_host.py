@@ -57,6 +57,8 @@ def fail(how: str) -> None:
     elif how == "tells its timers":
         timers = signal.ITIMER_PROF, signal.ITIMER_REAL
         raise ValueError(" ".join(str(signal.getitimer(one)[0]) for one in timers))
+    elif how == "tells its processors":
+        raise ValueError(" ".join(map(str, sorted(os.sched_getaffinity(0)))))
     elif how == "eats memory":
         kept = [np.ones(2**27) for _ in range(10**6)]
         time.sleep(len(kept))

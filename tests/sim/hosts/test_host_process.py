@@ -1,5 +1,6 @@
 """Engines in interpreters of their own: what they return, how they fail, and that others go on."""
 
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,12 @@ from proofmass.run import solve
 from proofmass.run.solve import prescribed_run
 from proofmass.sim.engines import NoEngine, engine_of, is_engine
 from proofmass.sim.hosts.engine import About, HostedEngine, SteppedSettings
-from proofmass.sim.hosts.process import explain_uv, provide
+from proofmass.sim.hosts.process import (
+    explain_uv,
+    measure_start,
+    own_processors,
+    provide,
+)
 from proofmass.sim.interpreter import wire
 from proofmass.sim.interpreter.mechanism import LinkStates, NeutralGear, NeutralLink
 from proofmass.sim.protocol.curves import Curves
@@ -54,6 +60,24 @@ def swing_isolated(timeout: float = 60.0, memory: float = 4.0, **settings: objec
 def swing_with(settings: dict) -> Curves:
     """`swing` with settings as a dict."""
     return swing(**settings)
+
+
+@pytest.mark.skipif(not own_processors(), reason="runs are not pinned here")
+def test_an_interpreter_uses_the_processors_of_each_run() -> None:
+    """One that was started in a pinned run is not kept on the processor of that run."""
+    every = own_processors()
+    try:
+        for numbers in (every[:1], every[-1:], every):
+            os.sched_setaffinity(0, numbers)
+            with pytest.raises(Crashed, match=f"ValueError: {' '.join(map(str, numbers))} "):
+                swing(fails="tells its processors")
+    finally:
+        os.sched_setaffinity(0, every)
+
+
+def test_the_start_of_an_interpreter_takes_processor_time() -> None:
+    """It imports NumPy at least, which no processor does in a millisecond."""
+    assert measure_start(SCRIPT, SWING.requires, sys.executable) > 1e-3
 
 
 @pytest.fixture(scope="module")
