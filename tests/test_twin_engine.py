@@ -17,9 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 from proofmass import check, load_case, solve
-from proofmass.base.entry_points import all_entry_points, entry_points_of
 from proofmass.base.wording import number
-from proofmass.base.worker import close_idle_workers
 from proofmass.commands.cli import app
 from proofmass.report.style import solver_looks
 from proofmass.sim import engines
@@ -30,6 +28,7 @@ from proofmass.studies.store import Store, package_versions
 from proofmass.studies.stress import problems
 from proofmass.studies.stress.boundary import read_boundaries
 from proofmass.studies.trade.trade import read_verdicts
+from tests.distributions import on_path, write_distribution
 from tests.shipped import shipped
 
 ENGINE_MODULE = """
@@ -66,14 +65,14 @@ class Lost(Twin):
 
 TWIN, WRONG, BARE, LOST = Twin(), Wrong(), Bare(), Lost()
 """
-ENTRY_POINTS = """[proofmass.engines]
-twin = twin_engine:TWIN
-wrong = twin_engine:WRONG
-bare = twin_engine:BARE
-lost = twin_engine:LOST
-broken = twin_engine_that_is_not_there:ENGINE
-foreign = twin_engine:Path
-"""
+ENGINES = {
+    "twin": "TWIN",
+    "wrong": "WRONG",
+    "bare": "BARE",
+    "lost": "LOST",
+    "broken": "twin_engine_that_is_not_there:ENGINE",
+    "foreign": "Path",
+}
 SIDECAR = """
 title = "Pendulum, let go from the horizontal"
 source = "exact motion by Jacobi elliptic functions"
@@ -100,23 +99,10 @@ why = "leapfrog at 1 ms: the phase is off by (omega dt)^2 / 24 of the way"
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder with the distribution, which this process and new workers have on their path."""
     folder = tmp_path_factory.mktemp("site")
-    info = folder / "twin_engine-1.0.dist-info"
-    info.mkdir()
-    (folder / "twin_engine.py").write_text(ENGINE_MODULE)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: twin-engine\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(ENTRY_POINTS)
-
-    def forget() -> None:
-        close_idle_workers()  # those that were started with another path
-        all_entry_points.cache_clear()
-        entry_points_of.cache_clear()
-        engines.engine_of.cache_clear()
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(folder)
-        forget()
+    files = {"twin_engine.py": ENGINE_MODULE}
+    write_distribution(folder, "twin_engine", files, engines.ENGINE_GROUP, **ENGINES)
+    with on_path(folder):
         yield folder
-    forget()
 
 
 def write_sidecar(folder: Path, *solvers: str) -> Path:
@@ -163,7 +149,7 @@ def test_check_agrees_with_the_twin_and_not_with_the_wrong_one(site: Path, tmp_p
     assert found["wrong"][0] == "differs"
     assert found["broken"][0] == "crashed"
     message = next(c.message for c in result.comparisons if c.solver == "broken")
-    assert "simulator 'broken', of twin-engine: twin_engine_that_is_not_there:ENGINE" in message
+    assert "simulator 'broken', of twin_engine: twin_engine_that_is_not_there:ENGINE" in message
     assert "No module named" in message
 
 
@@ -186,7 +172,7 @@ def test_an_engine_has_its_own_name_look_and_versions(site: Path) -> None:
     )
     chosen = solver_looks([*engine_names(), "adams"])
     assert len({look.colour + str(look.dash) for look in chosen.values()}) == len(chosen)
-    assert package_versions("twin")["twin-engine"] == "1.0"
+    assert package_versions("twin")["twin_engine"] == "1.0"
     assert (
         package_versions("bare")["adapter"] == package_versions("twin")["adapter"]
     )  # the digest of the module of both
@@ -197,7 +183,7 @@ def test_the_report_shows_the_twin(site: Path, tmp_path: Path) -> None:
     invoke_command("report", write_sidecar(tmp_path, "pymunk", "twin"), "-o", tmp_path / "pages")
     page = (tmp_path / "pages" / "twins.html").read_text(encoding="utf-8")
     assert "Twin" in page
-    assert "twin-engine" in page  # among the versions
+    assert "twin_engine" in page  # among the versions
 
 
 @pytest.mark.usefixtures("undrawn")

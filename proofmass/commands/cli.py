@@ -943,7 +943,11 @@ def versions_command(
     ] = False,
     since: Annotated[
         str,
-        typer.Option(help="The oldest release of --all.", metavar="VERSION", show_default="3.1.0"),
+        typer.Option(
+            help="The oldest release of --all.",
+            metavar="VERSION",
+            show_default="the oldest that the engine's script can drive",
+        ),
     ] = "",
     output: Annotated[
         Path,

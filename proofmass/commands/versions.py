@@ -26,9 +26,6 @@ from proofmass.studies.versions.bisect import MakeCell, VersionSeries, measure_v
 from proofmass.studies.versions.changes import VersionChange
 from proofmass.studies.versions.table import as_data, change_table, date_lines
 
-OLDEST_RELEASES = {"mujoco": "3.1.0", "pymunk": "6.4.0"}
-"""The oldest releases that are looked at if none is given: those that the scripts can drive."""
-
 
 def run_versions(
     paths: list[Path],
@@ -93,7 +90,7 @@ def asked_versions(engines: Sequence[str], every: bool, since: str) -> tuple[str
     if not isinstance(hosted, HostedEngine):
         raise Unsupported(f"{hosted.title} is not run in other versions")
     package = hosted.requires[0].partition(VERSION_MARK)[0]
-    oldest = since or (given[0] if given else OLDEST_RELEASES.get(name, "0"))
+    oldest = since or (given[0] if given else hosted.oldest or "0")
     newest = given[-1] if given[1:] else ""
     with error_console.status(f"asking for releases of {package}") as status:
 

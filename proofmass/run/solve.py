@@ -49,6 +49,11 @@ LARGEST_CONTROL = 1e150  # [its unit] of a control: squares of larger forces are
 MAX_FORCE_EVALUATIONS = 3e4
 """Largest number of force evaluations in a run of a series; series so end at the same step on any
 machine."""
+EXPECTED_ERRORS = (
+    *(BadModel, InputError, Unsupported, Diverged, MemoryError),
+    *(Crashed, TimedOut, OutOfMemory),  # of an interpreter of the engine's own
+)
+"""What an engine may raise; any other exception is a crash of the run."""
 CHECKS_PER_SAMPLE = 20  # intervals into which the time between two samples is divided for checks
 
 
@@ -395,9 +400,7 @@ def call_engine(engine: str, model: Path, run: Run) -> Curves:
         return engine_of(engine).simulate(model, run)
     except NoEngine as error:
         raise Crashed(str(error)) from error
-    except (BadModel, InputError, Unsupported, Diverged, MemoryError):
-        raise
-    except (Crashed, TimedOut, OutOfMemory):  # of an interpreter of the engine's own
+    except EXPECTED_ERRORS:
         raise
     except Exception as error:
         raise Crashed(f"{type(error).__name__}: {error}") from error

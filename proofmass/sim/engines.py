@@ -35,19 +35,21 @@ NATIVE_ENGINE = "mujoco"
 
 VERSION = re.compile(r"\d[A-Za-z0-9.!+-]*")
 """A version of a package."""
+OTHER_VERSION = re.compile(r"[^\w:]*v?(\d.*)")
+"""A version as other programs want it behind a name, such as ``@3.2.0``."""
 
 
 class NoEngine(ValueError):
     """No engine has that name, or it cannot be loaded; the message says why."""
 
 
-def engine_entry_points() -> dict[str, EntryPoint]:
-    """Entry points by the names of their engines; no engine is imported.
+def engine_entry_points(group: str = ENGINE_GROUP) -> dict[str, EntryPoint]:
+    """Entry points of a group by the names of their engines; no engine is imported.
 
     If two distributions provide an engine of the same name, that of this distribution is taken, or
     else the first in the order of their names.
     """
-    return {name: same[0] for name, same in entry_points_of(ENGINE_GROUP).items()}
+    return {name: same[0] for name, same in entry_points_of(group).items()}
 
 
 def engine_names() -> list[str]:
@@ -55,10 +57,9 @@ def engine_names() -> list[str]:
     return list(engine_entry_points())
 
 
-@cache
 def hosted_names() -> list[str]:
     """The names of the engines that run in interpreters of their own; none is imported."""
-    return list(entry_points_of(HOSTED_GROUP))
+    return list(engine_entry_points(HOSTED_GROUP))
 
 
 def is_engine(name: str) -> bool:
@@ -71,8 +72,17 @@ def is_engine(name: str) -> bool:
 
 
 def suggest_engines(name: str) -> str:
-    """A phrase with the names of engines that resemble a wrong one."""
-    return suggest_names(name.partition(VERSION_MARK)[0], [*engine_names(), *hosted_names()])
+    """A phrase that says what would have been right instead of a wrong name of an engine.
+
+    >>> suggest_engines("mujoco@3.2.0")
+    "a version is asked for by '==': mujoco==3.2.0"
+    """
+    names = [*engine_names(), *hosted_names()]
+    for one in names:
+        version = OTHER_VERSION.fullmatch(name, len(one))
+        if version and name.startswith(one):
+            return f"a version is asked for by {VERSION_MARK!r}: {one}{VERSION_MARK}{version[1]}"
+    return suggest_names(name.partition(VERSION_MARK)[0], names)
 
 
 @cache
@@ -125,8 +135,8 @@ def engine_of(name: str) -> Engine:
     from proofmass.sim.protocol.failures import Unsupported
 
     name, mark, version = name.partition(":")[0].partition(VERSION_MARK)
-    hosted = {own: same[0] for own, same in entry_points_of(HOSTED_GROUP).items()}
-    if (found := (hosted | engine_entry_points()).get(name)) is None:
+    found = engine_entry_points().get(name) or engine_entry_points(HOSTED_GROUP).get(name)
+    if found is None:
         raise NoEngine(f"no simulator {name!r}; {suggest_engines(name)}")
     try:
         engine = load_entry_point(found, "simulator")

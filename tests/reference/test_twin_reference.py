@@ -20,15 +20,14 @@ from typer.testing import CliRunner
 from proofmass import check, compare, evaluate, load_case, solve
 from proofmass.analytic.linkages.pendulum import Pendulum
 from proofmass.analytic.protocol import Ask, InputMotion
-from proofmass.base.entry_points import all_entry_points, entry_points_of
 from proofmass.base.errors import InputError
 from proofmass.base.installation import describe_installation
-from proofmass.base.worker import close_idle_workers
 from proofmass.commands.cli import app
 from proofmass.evidence.diagnosis import find_causes
-from proofmass.reference.find import find_reference, load_reference, reference_names
+from proofmass.reference.find import REFERENCE_GROUP, load_reference, reference_names
 from proofmass.run.case_files import input_files
 from proofmass.run.fingerprint import digest_recorded_files
+from tests.distributions import on_path, write_distribution
 from tests.shipped import shipped
 
 ROOT = Path(__file__).parents[2]
@@ -98,35 +97,17 @@ draw = "phases"
 REFERENCES = pytest.mark.parametrize("reference", ["twin", "twin.py"])
 
 
-def forget() -> None:
-    """Let this process and new workers find distributions again."""
-    close_idle_workers()
-    for cached in (all_entry_points, entry_points_of, find_reference):
-        cached.cache_clear()
-
-
-def install(folder: Path, module: str, source: str, **names: str) -> None:
-    """Write a distribution with a module and with references that it offers by these names."""
-    info = folder / f"{module}-1.0.dist-info"
-    info.mkdir(parents=True)
-    (folder / f"{module}.py").write_text(source)
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
-    lines = [f"{name} = {module}:{value}" for name, value in names.items()]
-    (info / "entry_points.txt").write_text("\n".join(["[proofmass.references]", *lines, ""]))
-
-
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder with a distribution that offers the reference ``twin`` and some faulty ones."""
     folder = tmp_path_factory.mktemp("site")
     names = {"twin": "Swing", "lost": "Sving", "foreign": "np", "double": "Swing"}
-    install(folder, "twin_reference", SOURCE, **names)
-    install(folder, "other_twin", SOURCE, double="Swing")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(folder)
-        forget()
+    files = {"twin_reference.py": SOURCE}
+    write_distribution(folder, "twin_reference", files, REFERENCE_GROUP, **names)
+    files = {"other_twin.py": SOURCE}
+    write_distribution(folder, "other_twin", files, REFERENCE_GROUP, double="Swing")
+    with on_path(folder):
         yield folder
-    forget()
 
 
 @pytest.fixture

@@ -5,24 +5,23 @@ it is developed.  Its engine is pymunk with a gravity that each of its files may
 of the class, a module beside it, its data, and another module of the distribution.
 """
 
-import sys
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from proofmass import load_case
-from proofmass.base.entry_points import all_entry_points, entry_points_of
 from proofmass.base.installation import describe_installation
-from proofmass.base.worker import close_idle_workers
 from proofmass.case.case import Case
 from proofmass.evidence.coverage import coverage_key
 from proofmass.run.fingerprint import package_versions
-from proofmass.sim.engines import engine_of, hosted_names
+from proofmass.sim.engines import ENGINE_GROUP
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.study import Study
+from tests.distributions import forget_distributions, on_path, write_distribution
 from tests.shipped import shipped
 from tests.studies.study_tasks import own_locks
 
@@ -61,44 +60,26 @@ FILES = {
     "swing_helper.py": "FACTOR = 1.0\n",
 }
 INFO = "swing_engine-1.0.dist-info"
+MODULES = "swing_"
+"""How the names of the distribution's modules begin."""
 INSTALLATIONS = pytest.mark.parametrize("site", ["installed", "developed"], indirect=True)
-
-
-def forget() -> None:
-    """Let this process know no more than a new one, and let it start new workers."""
-    close_idle_workers()
-    for name in [name for name in sys.modules if name.startswith("swing_")]:
-        del sys.modules[name]
-    for cached in (all_entry_points, entry_points_of, engine_of, hosted_names, package_versions):
-        cached.cache_clear()
 
 
 @pytest.fixture
 def site(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]:
     """The folder with the files of the distribution, which is installed here."""
     folder, code = tmp_path / "site", tmp_path / "site"
-    listed = [*FILES, "../bin/swing", f"{INFO}/RECORD", f"{INFO}/entry_points.txt"]
+    listed, files = [*FILES, "../bin/swing", f"{INFO}/RECORD", f"{INFO}/entry_points.txt"], FILES
     if request.param == "developed":
         code = tmp_path / "project" / "src"
         listed = ["_editable_swing.pth", f"{INFO}/RECORD", f"{INFO}/entry_points.txt"]
-    (folder / INFO).mkdir(parents=True)
-    for name, text in FILES.items():
-        (code / name).parent.mkdir(parents=True, exist_ok=True)
-        (code / name).write_text(text)
+        files = {os.path.relpath(code / name, folder): text for name, text in FILES.items()}
+    code.mkdir(parents=True)
+    write_distribution(folder, "swing_engine", files, ENGINE_GROUP, swing="SWING")
     (folder / "_editable_swing.pth").write_text(f"{code}\n")
-    (folder / INFO / "METADATA").write_text(
-        "Metadata-Version: 2.1\nName: swing-engine\nVersion: 1\n"
-    )
     (folder / INFO / "RECORD").write_text("".join(f"{name},,\n" for name in listed))
-    (folder / INFO / "entry_points.txt").write_text(
-        "[proofmass.engines]\nswing = swing_engine:SWING\n"
-    )
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(folder)
-        patch.syspath_prepend(code)  # as the .pth file does at the start of Python
-        forget()
+    with on_path(folder, code, modules=MODULES):  # as the .pth file does at the start of Python
         yield code
-    forget()
 
 
 @pytest.fixture
@@ -115,7 +96,7 @@ def run_again(case: Case, tmp_path: Path) -> Callable[[], tuple[float, int]]:
     """Run as a new process would: the error, and the number of runs in the store."""
 
     def run() -> tuple[float, int]:
-        forget()
+        forget_distributions(MODULES)
         store = Store(tmp_path / "store")
         task = StudyRun(case, "dynamics", Setting("swing", {"timestep": 1e-3}))
         (row,) = Study(store).run([task], repeats=0)
@@ -139,11 +120,11 @@ def test_keys_change_with_any_file_of_the_distribution_of_an_engine(
     site: Path, tmp_path: Path, case: Case, name: str
 ) -> None:
     def keys() -> tuple[object, ...]:
-        forget()
+        forget_distributions(MODULES)
         return (
             package_versions("swing"),
             coverage_key(case),
-            describe_installation()["swing-engine"],
+            describe_installation()["swing_engine"],
         )
 
     known = keys()
@@ -158,10 +139,10 @@ def test_keys_change_also_for_an_engine_in_an_interpreter_of_its_own(
 ) -> None:
     names = tmp_path / "site" / INFO / "entry_points.txt"
     names.write_text(names.read_text().replace("proofmass.engines", "proofmass.hosted_engines"))
-    known = package_versions("swing"), describe_installation()["swing-engine"]
+    known = package_versions("swing"), describe_installation()["swing_engine"]
     change(site, tmp_path, "swing_engine/law.py")
-    forget()
-    other = package_versions("swing"), describe_installation()["swing-engine"]
+    forget_distributions(MODULES)
+    other = package_versions("swing"), describe_installation()["swing_engine"]
     assert known[0]["adapter"] != other[0]["adapter"]
     assert known[1] != other[1]
 
@@ -185,8 +166,8 @@ def test_a_stored_run_is_made_again_if_a_file_beside_the_class_of_its_engine_cha
 @INSTALLATIONS
 def test_what_differs_between_machines_changes_no_key(site: Path, tmp_path: Path) -> None:
     """Bytecode, scripts and the records of an installation are not what an engine computes with."""
-    known = describe_installation()["swing-engine"]
-    assert known.startswith("1, code ")
+    known = describe_installation()["swing_engine"]
+    assert known.startswith("1.0, code ")
     (site / "swing_engine" / "__pycache__").mkdir(exist_ok=True)
     (site / "swing_engine" / "__pycache__" / "law.cpython-399.pyc").write_bytes(b"bytecode")
     (tmp_path / "bin").mkdir(exist_ok=True)
@@ -194,4 +175,4 @@ def test_what_differs_between_machines_changes_no_key(site: Path, tmp_path: Path
     with (tmp_path / "site" / INFO / "RECORD").open("a") as record:
         record.write("__editable___swing_finder.py,,\n")
     (tmp_path / "site" / "__editable___swing_finder.py").write_text("MAPPING = {}\n")
-    assert describe_installation()["swing-engine"] == known
+    assert describe_installation()["swing_engine"] == known

@@ -92,6 +92,9 @@ class HostedEngine(Engine):
         Whether it moves bodies only in a plane.
     python : str
         An interpreter that has the packages; empty: uv makes one.
+    oldest : str
+        The oldest release that the script can drive, with which a comparison of all releases
+        begins; empty: not known.
 
     Examples
     --------
@@ -117,6 +120,7 @@ class HostedEngine(Engine):
         lacks: Sequence[str] = (),
         planar: bool = False,
         python: str = "",
+        oldest: str = "",
     ) -> None:
         if isinstance(requires, str):
             raise ValueError(f"{title} requires {requires!r}; give a tuple of such texts")
@@ -124,7 +128,7 @@ class HostedEngine(Engine):
             if not PIN.fullmatch(one):
                 raise ValueError(f"{title} requires {one!r}; give one version, NAME==VERSION")
         self.script, self.requires = SCRIPTS / script, tuple(requires)
-        self.title, self.about, self.python = title, about, python
+        self.title, self.about, self.python, self.oldest = title, about, python, oldest
         self.settings, self.planar, self.lacks = settings, planar, tuple(lacks)
         self.support = support_without(tuple(lacks))  # type: ignore[misc]
 

@@ -81,6 +81,7 @@ PYMUNK = HostedEngine(
     settings=IteratedSettings,
     lacks=NO_ROTATION_IN_SPACE,
     planar=True,
+    oldest="6.4.0",
 )
 PINOCCHIO = HostedEngine(
     "pinocchio.py",

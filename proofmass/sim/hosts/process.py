@@ -94,26 +94,31 @@ def provide(requires: Sequence[str], python: str = "") -> str:
         Why they cannot be had; empty if they are there.
     """
     try:
-        command = [*start_command(requires, python), "-c", ""]
+        said = start_once(start_command(requires, python))
     except Unavailable as error:
         return str(error)
-    with tempfile.TemporaryDirectory() as nowhere:
-        made = subprocess.run(command, capture_output=True, text=True, cwd=nowhere, check=False)
-    return explain_uv(made.stderr, requires) if made.returncode else ""
+    return "" if said is None else explain_uv(said, requires)
 
 
 def is_fetched(requires: Sequence[str], python: str = "") -> str:
     """Whether packages are there already, in words: nothing is fetched."""
     try:
-        command = [*start_command(requires, python), "-c", ""]
+        command = start_command(requires, python)
     except Unavailable as error:
         return str(error)
     if python:
         return f"runs in {python}"
     command.insert(command.index("--quiet"), "--offline")
+    return "fetched" if start_once(command) is None else "uv fetches it"
+
+
+def start_once(command: Sequence[str]) -> str | None:
+    """Start an interpreter that does nothing; returns what was said if it does not start."""
     with tempfile.TemporaryDirectory() as nowhere:
-        made = subprocess.run(command, capture_output=True, cwd=nowhere, check=False)
-    return "uv fetches it" if made.returncode else "fetched"
+        made = subprocess.run(
+            [*command, "-c", ""], capture_output=True, text=True, cwd=nowhere, check=False
+        )
+    return made.stderr if made.returncode else None
 
 
 def explain_uv(text: str, requires: Sequence[str]) -> str:

@@ -31,6 +31,7 @@ from .mechanism import (
 )
 from .record import Refused, Stopwatch, record
 from .runge_kutta import runge_kutta
+from .serve import load_beside
 from .tree import TreeRow, in_time, tree_rows
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "in_space",
     "in_time",
     "link_forces",
+    "load_beside",
     "matrix_of",
     "record",
     "runge_kutta",

@@ -46,6 +46,11 @@ def load_module(name: str, path: str, inside: Any = None) -> Any:
     return module
 
 
+def load_beside(script: str, name: str) -> Any:
+    """A module of a file beside a script, which is not on the path of its interpreter."""
+    return load_module(name, os.path.join(os.path.dirname(script), f"{name}.py"))
+
+
 def main() -> None:
     """Load the engine, say that it is there, and answer requests."""
     with open("started", "w"):  # in a folder of its own: uv has done its part

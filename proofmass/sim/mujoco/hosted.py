@@ -55,8 +55,18 @@ class HostedMujoco(HostedEngine):
 
     stops = True
 
-    def __init__(self, script: str, requires: tuple[str, ...], *, title: str, about: About) -> None:
-        super().__init__(script, requires, title=title, about=about, settings=MujocoSettings)
+    def __init__(
+        self,
+        script: str,
+        requires: tuple[str, ...],
+        *,
+        title: str,
+        about: About,
+        oldest: str = "",
+    ) -> None:
+        super().__init__(
+            script, requires, title=title, about=about, settings=MujocoSettings, oldest=oldest
+        )
         self.support = SUPPORT  # type: ignore[misc]
 
     def versions(self) -> dict[str, str]:
@@ -179,6 +189,7 @@ MUJOCO = HostedMujoco(
         "Apache-2.0",
         "the settings of the model",
     ),
+    oldest="3.1.0",
 )
 MJX = HostedMujoco(
     "mjx.py",

@@ -229,6 +229,15 @@ def test_engines_at_versions() -> None:
         engine_of("drak==1.0")
 
 
+@pytest.mark.parametrize("mark", ["@", "=", " ", "-", "", ">=", "@v"])
+def test_another_mark_before_a_version_is_named(mark: str) -> None:
+    """A version is asked for by one mark; what looks like another one is no other name."""
+    with pytest.raises(NoEngine, match=r"a version is asked for by '==': mujoco==3\.2\.0$"):
+        engine_of(f"mujoco{mark}3.2.0")
+    with pytest.raises(NoEngine, match="no simulator 'mujoco-x'; did you mean 'mujoco'"):
+        engine_of("mujoco-x")
+
+
 def test_without_uv_an_engine_is_unavailable(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is said in words, by the fetching and by the run."""
     monkeypatch.setattr("proofmass.sim.hosts.process.find_uv", no_uv)

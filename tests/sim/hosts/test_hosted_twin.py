@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.base.entry_points import all_entry_points, entry_points_of
-from proofmass.base.worker import close_idle_workers
 from proofmass.batch.check import check
 from proofmass.commands.cli import app
-from proofmass.sim import engines
+from proofmass.sim.engines import HOSTED_GROUP
+from tests.distributions import on_path, write_distribution
 from tests.shipped import shipped
 
 SCRIPT = Path(__file__).parent / "pendulum_host.py"
@@ -37,30 +36,16 @@ SWING = HostedEngine(
     python={sys.executable!r},
 )
 """
-ENTRY_POINTS = "[proofmass.hosted_engines]\nswing = swing_engine:SWING\n"
 
 
 @pytest.fixture(scope="module", autouse=True)
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """The distribution on the path of this process and of new workers."""
     folder = tmp_path_factory.mktemp("site")
-    info = folder / "swing_engine-1.0.dist-info"
-    info.mkdir()
-    (folder / "swing_engine.py").write_text(MODULE)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: swing-engine\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(ENTRY_POINTS)
-
-    def forget() -> None:
-        close_idle_workers()  # those that were started with another path
-        for cached in (all_entry_points, entry_points_of, engines.engine_of):
-            cached.cache_clear()
-        engines.hosted_names.cache_clear()
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(folder)
-        forget()
+    files = {"swing_engine.py": MODULE}
+    write_distribution(folder, "swing_engine", files, HOSTED_GROUP, swing="SWING")
+    with on_path(folder):
         yield
-    forget()
 
 
 def test_check_measures_it_and_records_versions() -> None:

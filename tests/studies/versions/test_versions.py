@@ -11,9 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 from proofmass.base.errors import InputError
+from proofmass.commands import versions as commands
 from proofmass.commands.cli import app
 from proofmass.commands.versions import asked_versions
-from proofmass.sim.engines import NoEngine
+from proofmass.sim.engines import NoEngine, engine_of
 from proofmass.sim.hosts import releases
 from proofmass.sim.protocol.failures import Unavailable
 from proofmass.studies.cells import Cell, CellResult, ChannelError, channel_kind
@@ -215,6 +216,18 @@ def test_asked_versions() -> None:
         asked_versions(["mujoco==3.3.7"], every=False, since="")
     with pytest.raises(NoEngine, match="only in the version"):
         asked_versions(["recorded"], every=True, since="")
+
+
+def test_all_releases_begin_with_the_oldest_that_the_engine_states(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Unless `since` or a version is given; of an engine that states none with any release."""
+    monkeypatch.setattr(commands, "list_releases", lambda package, oldest, *_: [package, oldest])
+    pairs = ("pymunk", ""), ("drake", ""), ("pymunk", "7.0"), ("pymunk==6.9.0", "")
+    found = [asked_versions([name], every=True, since=since)[1] for name, since in pairs]
+    first = engine_of("pymunk==7.0.0").oldest  # type: ignore[attr-defined]
+    assert first.startswith("6.")
+    assert found == [("pymunk", first), ("drake", "0"), ("pymunk", "7.0"), ("pymunk", "6.9.0")]
 
 
 def test_releases_are_asked_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,6 @@ import os
 
 os.environ["JAX_PLATFORMS"] = "cpu"
 
-import importlib.util
 from importlib.metadata import version
 
 import jax
@@ -16,26 +15,22 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import numpy as np  # noqa: E402
+import proofmass_host as host  # noqa: E402
 from jax import numpy as jnp  # noqa: E402
 from mujoco import mjx  # noqa: E402
-from proofmass_host import LinkStates, NeutralMechanism, Refused, Stopwatch  # noqa: E402
 
-SPEC = importlib.util.spec_from_file_location(
-    "mujoco_c", os.path.join(os.path.dirname(__file__), "mujoco_c.py")
-)
-MUJOCO_C = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(MUJOCO_C)
+MUJOCO_C = host.load_beside(__file__, "mujoco_c")
 VERSIONS = {name: version(name) for name in ("mujoco-mjx", "mujoco", "jax", "numpy")}
 
 
-def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
+def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Compile the whole run, step through it, and read the links at the samples."""
     mjcf = mechanism.mjcf
     model, data = MUJOCO_C.build(mjcf)
     try:
         own, start = mjx.put_model(model), mjx.put_data(model, data)
     except NotImplementedError as error:
-        raise Refused(f"MJX: {' '.join(str(error).split())}") from None
+        raise host.Refused(f"MJX: {' '.join(str(error).split())}") from None
     intervals, count = mechanism.samples - 1, mechanism.count
     dofs, changed = np.asarray(mjcf.dofs), np.asarray(mjcf.changed)
     pushes = jnp.array(mjcf.torque.reshape(intervals, count, dofs.size))
@@ -54,9 +49,9 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
         now, rows = jax.lax.scan(interval, now, (pushes, controls))
         return [jnp.concatenate([one, last[None]]) for one, last in zip(rows, (now.qpos, now.qvel))]
 
-    with Stopwatch() as compiling:
+    with host.Stopwatch() as compiling:
         program = jax.jit(whole).lower(start).compile()
-    with Stopwatch() as watch:
+    with host.Stopwatch() as watch:
         qpos, qvel = (np.asarray(one, float) for one in program(start))
     rows = [qpos, qvel, np.full(qvel.shape, np.nan)]
     return MUJOCO_C.states_of(mechanism, model, rows, watch.seconds, "", compiling.seconds)

@@ -3,20 +3,14 @@
 Warp compiles its kernels before the first step of a process, which is told apart from the run.
 """
 
-import importlib.util
-import os
 from importlib.metadata import version
 
 import mujoco_warp as mjw
 import numpy as np
 import warp
-from proofmass_host import LinkStates, NeutralMechanism, Refused, Stopwatch
+from proofmass_host import LinkStates, NeutralMechanism, Refused, Stopwatch, load_beside
 
-SPEC = importlib.util.spec_from_file_location(
-    "mujoco_c", os.path.join(os.path.dirname(__file__), "mujoco_c.py")
-)
-MUJOCO_C = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(MUJOCO_C)
+MUJOCO_C = load_beside(__file__, "mujoco_c")
 warp.config.quiet = True
 VERSIONS = {name: version(name) for name in ("mujoco-warp", "mujoco", "warp-lang", "numpy")}
 
