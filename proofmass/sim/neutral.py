@@ -8,9 +8,12 @@ MuJoCo compiles the model and gives its pose and rates at the start.  References
 their own, so that a number that is misread here shows in the curves.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from copy import copy
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -42,6 +45,7 @@ from proofmass.sim.contents import (
     gear_of,
     is_disabled,
     is_linear_in_joint,
+    key_names,
     may_touch,
     pose_of,
     straight_tendon,
@@ -59,7 +63,7 @@ from proofmass.sim.interpreter.mechanism import (
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol.failures import BadModel, Unsupported
-from proofmass.sim.protocol.run import Run
+from proofmass.sim.protocol.run import Rod, Run
 from proofmass.sim.rods import dead_loads
 from proofmass.sim.smooth import SmoothTerms
 from proofmass.sim.start import loop_opening, start_state
@@ -127,46 +131,55 @@ def support_without(lacks: tuple[str, ...]) -> Support:
     return covers(IN_TIME, {**EXCEPTIONS, **dict.fromkeys(lacks, REFUSED)}, usual=REFUSED)
 
 
-class NeutralReader:
-    """A compiled model in the start of a run, and the parts of its mechanism.
+class ModelReader:
+    """A compiled model in a pose, and the parts of its mechanism.
 
     Parameters
     ----------
     model : MjModel
         With the rods of the run.
-    run : Run
-        A run in time.
-    timestep : float
-        Longest time step [s].
+    key : str
+        Name of the key with pose, rates and controls; a model without keys starts in its zero pose.
+    driven : tuple of int
+        Ids of the joints with a prescribed motion.
+    rods : sequence of Rod
+        The rods that the model has been completed with, for their loads.
     state : tuple of ndarray (nq,), (nv,), optional
-        Pose and rates of the start [SI]; those of `proofmass.sim.start.start_state`, if not given.
+        Pose and rates [SI] in place of the key's.
 
     Raises
     ------
     BadModel
-        A loop is open in the start pose, or the run names an element that there is not.
+        There is no such key, and no state is given.
     """
 
     def __init__(
         self,
         model: mujoco.MjModel,
-        run: Run,
-        timestep: float,
+        key: str,
+        driven: tuple[int, ...],
+        rods: Sequence[Rod] = (),
         state: tuple[Array, Array] | None = None,
     ) -> None:
-        self.model, self.run = model, run
-        self.asked_step = timestep
-        self.count, self.step = run.steps(timestep)
-        self.driven = tuple(
-            find_id(model, OBJ.mjOBJ_JOINT, "joint", drive.joint) for drive in run.drives
-        )
-        self.qpos, self.qvel = state or start_state(model, run)
-        self.data = mujoco.MjData(model)
-        if model.nkey and state is None:
-            mujoco.mj_resetDataKeyframe(model, self.data, model.key(run.start).id)
-        self.data.qpos[:], self.data.qvel[:] = self.qpos, self.qvel
+        self.model, self.driven, self.rods = model, driven, rods
+        self.data, keys = mujoco.MjData(model), key_names(model)
+        if key in keys:
+            mujoco.mj_resetDataKeyframe(model, self.data, keys.index(key))
+        elif keys and state is None:
+            raise BadModel(f"no key '{key}'; the model has {', '.join(keys)}")
+        if state is not None:
+            self.data.qpos[:], self.data.qvel[:] = state
         mujoco.mj_fwdPosition(model, self.data)
         mujoco.mj_fwdVelocity(model, self.data)
+        self.controls = self.data.ctrl[:, None].copy()
+        """Controls (controls, 1), or (controls, times) at all half steps of a run in time."""
+
+    def with_controls(self, actuators: Iterable[str], values: Array) -> Self:
+        """The model with other controls of some actuators."""
+        found = copy(self)
+        found.controls = self.controls.copy()
+        found.controls[control_indices(self.model, actuators)] = values[:, None]
+        return found
 
     @cached_property
     def heads(self) -> list[int]:
@@ -179,24 +192,6 @@ class NeutralReader:
         """Number of the link of each body (bodies,)."""
         places = {head: k for k, head in enumerate(self.heads)}
         return np.array([places[int(w)] for w in self.model.body_weldid])
-
-    @cached_property
-    def half_steps(self) -> Array:
-        """Times of the beginning and the middle of each step, with one step more than there are."""
-        steps = self.count * (self.run.x.size - 1) + 1
-        return np.asarray(self.run.x[0] + 0.5 * self.step * np.arange(2 * steps + 1))
-
-    @cached_property
-    def controls(self) -> Array:
-        """Controls (controls, times) at all half steps; (controls, 1) if none changes."""
-        ctrl = self.data.ctrl[:, None].copy()
-        if not self.run.loads:
-            return ctrl
-        times = np.minimum(self.half_steps, self.run.x[-1])
-        ctrl = np.tile(ctrl, (1, times.size))
-        places = control_indices(self.model, (one.actuator for one in self.run.loads))
-        ctrl[places] = self.run.controls(times)[0]
-        return ctrl
 
     def links(self) -> Iterator[NeutralLink]:
         """The links in their state at the start."""
@@ -219,7 +214,7 @@ class NeutralReader:
             yield NeutralLink(model.body(head).name, mass, inertia, centre, velocity, omega, head)
 
     def joints(self, forces: bool = True) -> Iterator[NeutralJoint]:
-        """The joints, whose servos are springs and dampers; or their geometry alone."""
+        """The joints, whose servos are springs and dampers; or without the forces of actuators."""
         model, data = self.model, self.data
         for j in range(model.njnt):
             kind = JOINT_KINDS[JOINT(int(model.jnt_type[j]))]
@@ -230,12 +225,9 @@ class NeutralReader:
                 raise Unsupported(f"stiffness of {kind} joint {model.joint(j).name!r}")
             if forces and not one and model.dof_armature[dof : dof + COORDINATES[kind]].any():
                 raise Unsupported(f"armature of {kind} joint {model.joint(j).name!r}")
-            rest, damping = float(model.qpos_spring[adr]), float(model.dof_damping[dof])
-            force = np.zeros(1)
+            rest, servo, damping, force = float(model.qpos_spring[adr]), 0.0, 0.0, np.zeros(1)
             if j not in self.driven and one and forces:
-                stiffness, more, force = self.actuation(j, rest)
-                spring[0] += stiffness
-                damping += more
+                servo, damping, force = self.actuation(j, rest)
             yield NeutralJoint(
                 model.joint(j).name,
                 kind,
@@ -243,15 +235,16 @@ class NeutralReader:
                 int(self.link_of[body]),
                 data.xanchor[j].copy(),
                 data.xaxis[j].copy(),
-                float(self.qpos[adr]) if one else 0.0,
-                float(self.qvel[dof]) if one else 0.0,
+                float(data.qpos[adr]) if one else 0.0,
+                float(data.qvel[dof]) if one else 0.0,
                 spring,
                 rest if one else 0.0,
-                0.0 if j in self.driven else damping,
+                float(model.dof_damping[dof]) + damping,
                 float(model.dof_armature[dof]) if one else 0.0,
                 force,
                 self.limits(j) if one else None,
                 float(model.dof_frictionloss[dof]) if one else 0.0,
+                servo,
             )
 
     def limits(self, j: int) -> tuple[float, float] | None:
@@ -264,8 +257,7 @@ class NeutralReader:
     def actuation(self, j: int, rest: float) -> tuple[float, float, Array]:
         """Stiffness and damping of the servos on a joint, and the force of all its actuators.
 
-        The force of servos is that at a coordinate `rest` and at no rate; the controls are those of
-        the half steps.
+        The force of servos is that at a coordinate `rest` and at no rate.
         """
         model, stiffness, damping, force = self.model, 0.0, 0.0, np.zeros(1)
         for a in actuators_on(model, j):
@@ -280,8 +272,10 @@ class NeutralReader:
         return stiffness, damping, np.asarray(force)
 
     def actuator_force(self, a: int, length: float = 0.0) -> Array:
-        """Force of actuator number a with the controls of the half steps, at a length."""
+        """Force of actuator number a with its controls, at a length [N, or N m and a gear of 1]."""
         model = self.model
+        if is_disabled(model, a):
+            return np.zeros(1)
         control = self.controls[model.actuator_ctrladr[a]]
         clamps = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
         if clamps and model.actuator_ctrllimited[a]:
@@ -312,19 +306,18 @@ class NeutralReader:
             yield NeutralGear(equality_name(model, e), one, two, ratio, level)
 
     def springs(self) -> Iterator[NeutralSpring]:
-        """The tendons with stiffness or damping, straight from site to site."""
+        """The tendons straight from site to site, also those that only measure a length."""
         model, data = self.model, self.data
         for t in range(model.ntendon):
             stiffness, damping = float(model.tendon_stiffness[t]), float(model.tendon_damping[t])
-            if not (stiffness or damping):
-                continue
             if (sites := straight_tendon(model, t)) is None:
                 continue  # refused before, unless the engine reads the MJCF itself
-            a, b = (int(self.link_of[model.site_bodyid[s]]) for s in sites)
+            one, two = (int(model.site_bodyid[s]) for s in sites)
+            a, b = int(self.link_of[one]), int(self.link_of[two])
             on_a, on_b = (data.site_xpos[s].copy() for s in sites)
             slack = (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1]))
             name = model.tendon(t).name
-            yield NeutralSpring(name, a, b, on_a, on_b, stiffness, damping, slack)
+            yield NeutralSpring(name, a, b, on_a, on_b, stiffness, damping, slack, one, two)
 
     def loads(self) -> Iterator[NeutralLoad]:
         """The loads of actuators on sites and the constant loads of rods."""
@@ -333,16 +326,66 @@ class NeutralReader:
             if model.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_SITE or is_disabled(model, a):
                 continue
             site, frame = model.actuator_trnid[a].tolist()
-            if link := int(self.link_of[model.site_bodyid[site]]):
+            body, at = int(model.site_bodyid[site]), data.site_xpos[site].copy()
+            if link := int(self.link_of[body]):
                 turn = data.site_xmat[site if frame < 0 else frame].reshape(3, 3)
                 force, moment = gear_of(model, a).reshape(2, 3) @ turn.T
-                share, at = self.actuator_force(a), data.site_xpos[site].copy()
-                yield NeutralLoad(link, at, force, moment, frame < 0, share)
-        for body, force in dead_loads(model, self.run.rods):
+                share = self.actuator_force(a)
+                yield NeutralLoad(link, at, force, moment, frame < 0, share, body, a)
+        for body, force in dead_loads(model, self.rods):
             if link := int(self.link_of[body]):
-                yield NeutralLoad(
-                    link, data.xipos[body].copy(), force, np.zeros(3), False, np.ones(1)
-                )
+                at, moment = data.xipos[body].copy(), np.zeros(3)
+                yield NeutralLoad(link, at, force, moment, False, np.ones(1), body)
+
+
+class NeutralReader(ModelReader):
+    """A compiled model in the start of a run in time, and its mechanism.
+
+    Parameters
+    ----------
+    model : MjModel
+        With the rods of the run.
+    run : Run
+        A run in time.
+    timestep : float
+        Longest time step [s].
+    state : tuple of ndarray (nq,), (nv,), optional
+        Pose and rates of the start [SI]; those of `proofmass.sim.start.start_state`, if not given.
+
+    Raises
+    ------
+    BadModel
+        A loop is open in the start pose, or the run names an element that there is not.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        run: Run,
+        timestep: float,
+        state: tuple[Array, Array] | None = None,
+    ) -> None:
+        driven = tuple(find_id(model, OBJ.mjOBJ_JOINT, "joint", one.joint) for one in run.drives)
+        self.qpos, self.qvel = state or start_state(model, run)
+        super().__init__(model, run.start, driven, run.rods, (self.qpos, self.qvel))
+        self.run, self.asked_step = run, timestep
+        self.count, self.step = run.steps(timestep)
+        if run.loads:
+            times = np.minimum(self.half_steps, run.x[-1])
+            self.controls = np.tile(self.controls, (1, times.size))
+            places = control_indices(model, (one.actuator for one in run.loads))
+            self.controls[places] = run.controls(times)[0]
+
+    @cached_property
+    def half_steps(self) -> Array:
+        """Times of the beginning and the middle of each step, with one step more than there are."""
+        steps = self.count * (self.run.x.size - 1) + 1
+        return np.asarray(self.run.x[0] + 0.5 * self.step * np.arange(2 * steps + 1))
+
+    def joints(self, forces: bool = True) -> Iterator[NeutralJoint]:
+        """See `ModelReader.joints`; the drives are ideal, and no damper acts on them."""
+        for j, one in enumerate(super().joints(forces)):
+            yield replace(one, damping=0.0) if j in self.driven else one
 
     def drives(self) -> Iterator[DriveRows]:
         """The motion of each drive at all half steps; it goes on evenly behind the last sample."""
@@ -396,7 +439,7 @@ class NeutralReader:
             tuple(self.joints(forces)),
             tuple(self.loops()),
             tuple(self.gears() if forces else ()),
-            tuple(self.springs()),
+            tuple(one for one in self.springs() if one.stiffness or one.damping),
             tuple(self.loads() if forces else ()),
             tuple(self.drives()),
             self.model.opt.gravity.copy(),

@@ -246,13 +246,12 @@ class StateCurves:
 
     def potential_energy(self) -> Array:
         """Potential energy of weight and springs, without that of servos [J]."""
-        model, total = self.reader.model, np.zeros(len(self.states.place))
+        total = np.zeros(len(self.states.place))
         for k, link in enumerate(self.mechanism.links):
             total -= link.mass * self.states.place[:, k] @ self.mechanism.gravity
         for j, one in enumerate(self.mechanism.joints):
-            k, (a, b) = model.jnt_stiffness[j], model.jnt_stiffnesspoly[j]
-            if k or a or b:
-                x = self.joint(j)[0] - one.rest
+            if one.spring.any():
+                (k, a, b), x = one.spring, self.joint(j)[0] - one.rest
                 total += x**2 * (k / 2 + x * (a / 3 + x * b / 4))
         for spring in self.mechanism.springs:
             gap = self.point(spring.b, spring.on_b)[0] - self.point(spring.a, spring.on_a)[0]

@@ -56,7 +56,8 @@ class NeutralJoint:
     """A joint of two links.
 
     The spring has the force or moment ``-(k x + a x^2 + b x^3)`` on the child, with the reaction on
-    the parent, for ``x = value - rest``.
+    the parent, for ``x = value - rest``; servos, actuators that follow the joint, add their
+    stiffness to k.
 
     Attributes
     ----------
@@ -86,6 +87,8 @@ class NeutralJoint:
         and for a driven joint, whose motion is given.
     friction : float
         Largest dry friction, of a driven joint too [N m or N].
+    servo : float
+        Stiffness of the servos, which stores no energy [N m/rad or N/m].
     """
 
     name: str
@@ -103,11 +106,17 @@ class NeutralJoint:
     force: PlainArray
     limits: Any = None
     friction: float = 0.0
+    servo: float = 0.0
+
+    @property
+    def acting(self) -> PlainArray:
+        """Coefficients (3,) of spring and servos together."""
+        return np.asarray(self.spring + np.array([self.servo, 0.0, 0.0]))
 
     @property
     def is_sprung(self) -> bool:
-        """Whether the joint has a spring."""
-        return bool(np.any(self.spring))
+        """Whether the joint has a spring or servos."""
+        return bool(np.any(self.acting))
 
     @property
     def is_forced(self) -> bool:
@@ -119,9 +128,9 @@ class NeutralJoint:
         return float(self.force[0] if self.force.size == 1 else self.force[2 * step + 1])
 
     def passive_force(self, value: float, rate: float) -> float:
-        """Force or moment of spring and damper on the child [N m or N]."""
+        """Force or moment of spring, servos and damper on the child [N m or N]."""
         x = value - self.rest
-        k, a, b = self.spring
+        k, a, b = self.acting
         return float(-x * (k + x * (a + x * b)) - self.damping * rate)
 
 
@@ -152,7 +161,8 @@ class NeutralSpring:
     """A spring and a damper between points of two links.
 
     It pulls with ``stiffness (length - free)`` where it is longer than `slack` [1], pushes where it
-    is shorter than `slack` [0], and is slack between them [m].
+    is shorter than `slack` [0], and is slack between them [m].  `body_a` and `body_b` are the
+    numbers of the bodies in the MJCF.
     """
 
     name: str
@@ -163,6 +173,8 @@ class NeutralSpring:
     stiffness: float
     damping: float
     slack: tuple
+    body_a: int
+    body_b: int
 
     def pull(self, length: float, rate: float) -> float:
         """Force with which it pulls its ends together [N]."""
@@ -185,6 +197,10 @@ class NeutralLoad:
         Whether both turn with the link.
     share : ndarray (1,) or (2 steps + 1,)
         Factor of both, as `NeutralJoint.force`.
+    body : int
+        Number of its body in the MJCF.
+    actuator : int
+        Number of its actuator in the MJCF; -1 for a load of a rod.
     """
 
     link: int
@@ -193,6 +209,8 @@ class NeutralLoad:
     moment: PlainArray
     follows: bool
     share: PlainArray
+    body: int
+    actuator: int = -1
 
     def share_in(self, step: int) -> float:
         """The factor in the middle of a step [1]."""

@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
-from proofmass.sim.neutral import read_mechanism
+from proofmass.sim.neutral import ModelReader, NeutralReader, read_mechanism
+from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.protocol.run import Drive, Run
 
 LIMITED = """
@@ -54,3 +56,68 @@ def test_joints_that_are_not_driven_have_their_ranges_as_limits(file, drives, li
     run = Run("dynamics", np.linspace(0.0, 0.1, 3), (), drives)
     joints = read_mechanism(file, run, contacts=True).mechanism().joints
     assert [one.limits for one in joints] == limits
+
+
+PARTS = """
+<mujoco>
+  <compiler angle="radian"/>
+  <worldbody>
+    <body name="arm">
+      <joint name="a" axis="0 1 0" stiffness="4" damping="0.1" frictionloss="0.3" springref="0.2"/>
+      <geom type="sphere" size="0.1" pos="0.5 0 0"/>
+      <site name="tip" pos="0.5 0 0"/>
+    </body>
+    <site name="post" pos="0 0 1"/>
+  </worldbody>
+  <tendon><spatial name="ruler"><site site="post"/><site site="tip"/></spatial></tendon>
+  <actuator>
+    <position name="servo" joint="a" kp="6" kv="0.25" gear="2"/>
+    <motor name="push" site="tip" gear="1 0 0 0 0 0"/>
+    <motor name="off" joint="a" group="3"/>
+  </actuator>
+  <keyframe><key name="start" ctrl="0.5 3 100"/></keyframe>
+  <option actuatorgroupdisable="3"/>
+</mujoco>
+"""
+
+
+def read_parts(driven: tuple[int, ...] = ()) -> ModelReader:
+    """The model of one arm with a servo, a load and an actuator that is disabled."""
+    return ModelReader(mujoco.MjModel.from_xml_string(PARTS), "start", driven)
+
+
+def test_a_servo_adds_to_the_spring_of_its_joint():
+    (joint,) = read_parts().joints()
+    assert joint.spring.tolist() == [4.0, 0.0, 0.0]
+    assert joint.servo == 2.0**2 * 6.0
+    assert joint.acting.tolist() == [28.0, 0.0, 0.0]
+    assert joint.damping == 0.1 + 2.0**2 * 0.25
+    assert joint.friction == 0.3
+    # the force of the servo where the spring is slack, which the disabled motor does not change
+    assert joint.force.tolist() == pytest.approx([2.0 * 6.0 * (0.5 - 2.0 * 0.2)])
+
+
+def test_actuators_of_a_driven_joint_exert_no_force():
+    (joint,) = read_parts((0,)).joints()
+    assert (joint.servo, joint.damping, joint.force.tolist()) == (0.0, 0.1, [0.0])
+
+
+def test_other_controls_change_the_forces_of_a_copy_only():
+    reader = read_parts()
+    other = reader.with_controls(["push"], np.array([7.0]))
+    (load,), (changed,) = reader.loads(), other.loads()
+    assert (load.share.tolist(), changed.share.tolist()) == ([3.0], [7.0])
+    assert (load.body, load.actuator) == (1, 1)
+
+
+def test_a_tendon_that_only_measures_a_length_is_no_spring_of_a_mechanism():
+    reader = read_parts()
+    (spring,) = reader.springs()
+    assert (spring.name, spring.body_a, spring.body_b) == ("ruler", 0, 1)
+    run = Run("dynamics", np.linspace(0.0, 0.1, 3), ())
+    assert not NeutralReader(reader.model, run, 0.05).mechanism().springs
+
+
+def test_a_key_that_is_not_there_is_named():
+    with pytest.raises(BadModel, match="no key 'end'; the model has start"):
+        ModelReader(mujoco.MjModel.from_xml_string(PARTS), "end", ())

@@ -90,8 +90,8 @@ class DrakeRun:
         joint = plant.AddJoint(kind(f"joint {j}", *frames, *axis[: one.kind in SINGLE]))
         joint.set_default_damping_vector(np.full(joint.num_velocities(), one.damping))
         spring = tree.RevoluteSpring if one.kind == "hinge" else tree.PrismaticSpring
-        if one.spring[0]:
-            plant.AddForceElement(spring(joint, one.rest - one.value, one.spring[0]))
+        if one.acting[0]:
+            plant.AddForceElement(spring(joint, one.rest - one.value, one.acting[0]))
         return joint
 
     def add_rotor(self, j):

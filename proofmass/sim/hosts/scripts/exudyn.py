@@ -172,7 +172,7 @@ def tree_link(row):
     inertia = RigidBodyInertia(row.mass, row.inertia).Translated(row.centre)
     kind = exu.JointType.RevoluteZ if row.joint.kind == "hinge" else exu.JointType.PrismaticZ
     place = exu.HT(rotation=row.turn, translation=row.place)
-    return TreeLink(inertia, kind, place, row.up, (float(row.joint.spring[0]), row.joint.damping))
+    return TreeLink(inertia, kind, place, row.up, (float(row.joint.acting[0]), row.joint.damping))
 
 
 def pull_of(spring):

@@ -96,7 +96,7 @@ class OpenSimModel:
             return
         if one.armature:
             raise Refused(f"armature of joint {one.name!r}")
-        (k, a, b), x = one.spring.tolist(), f"(q+{one.value - one.rest!r})"
+        (k, a, b), x = one.acting.tolist(), f"(q+{one.value - one.rest!r})"
         text = f"-{x}*({k!r}+{x}*({a!r}+{x}*{b!r}))-({one.damping!r})*qdot"
         self.model.addForce(opensim.ExpressionBasedCoordinateForce(name, text))
         if one.is_forced:
