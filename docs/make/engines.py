@@ -20,7 +20,7 @@ from docs.make.pictures import CHROMIUM, chromium, few_colours, open_page, pictu
 from proofmass.base.wording import number
 from proofmass.commands.engines import named_engines
 from proofmass.sim.engines import format_solver
-from proofmass.studies.cells import CellResult
+from proofmass.studies.cells import CellResult, format_motion_errors
 from proofmass.studies.engines.page import ENGINES_TABLE, MARKS, SILENT_MARK, read_engines
 from proofmass.studies.engines.summary import summarize_engine
 from proofmass.studies.versions.page import VERSIONS_TABLE, read_comparison
@@ -165,9 +165,7 @@ def result_words(result: CellResult | None) -> str:
     if not result.is_filled:
         mark, words = MARKS.get(result.outcome, ("✕", str(result.outcome)))
         return words if mark == "–" else f"{mark} {words}"
-    kinds = ("position", "velocity", "acceleration")
-    shares = [worst.share for kind in kinds if (worst := result.worst(kind))]
-    words = " / ".join(f"{share:.0e}".replace("e-0", "e-").replace("e+0", "e+") for share in shares)
+    words = format_motion_errors(result)
     return f"{SILENT_MARK} {words}" if result.is_silently_wrong else words
 
 

@@ -24,6 +24,7 @@ from proofmass.commands.command import (
     error_console,
     exit_on_error,
     find_sidecar,
+    print_errors,
     progress_bar,
     provide_engines,
 )
@@ -128,12 +129,6 @@ def protect_inputs(cases: Iterable["Case"], paths: Iterable[Path] = ()) -> None:
     from proofmass.run.case_files import input_files
 
     protect([*paths, *(file for case in cases for file in input_files(case))])
-
-
-def print_errors(found: list[InputError]) -> None:
-    """Print each error of the input as a line on standard error."""
-    for error in found:
-        error_console.print(Text.assemble(("error: ", "bold red"), str(error)))
 
 
 NAMED_FILES = 3  # files that are named in a message; of more, their number is given
@@ -926,11 +921,12 @@ def engines_command(
 
     The list says which engines run here, which uv has fetched, and what each can express. A table
     of cases has the error of each engine against the reference, or why it has none. Every run is
-    stored: the same command goes on where it was stopped. Exit code 0: done; 2: bad input.
+    stored: the same command goes on where it was stopped. Exit code 0: done; 2: bad input, also if
+    other cases were run.
     """
     from proofmass.commands.engines import run_engines
 
-    run_engines(paths or [], engine or [], output, jobs, dask, json)
+    raise typer.Exit(run_engines(paths or [], engine or [], output, jobs, dask, json))
 
 
 @app.command("versions")

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
 from proofmass.base.errors import BAD_INPUT, INTERRUPTED, InputError
 from proofmass.base.files import output_permissions
@@ -62,6 +63,12 @@ def exit_on_error(kept: str) -> Iterator[None]:
             raise typer.Exit(INTERRUPTED) from None
         error_console.print(f"error: {error_text(error)}", style="bold red")
         raise typer.Exit(BAD_INPUT) from None
+
+
+def print_errors(found: list[InputError]) -> None:
+    """Print each error of the input as a line on standard error."""
+    for error in found:
+        error_console.print(Text.assemble(("error: ", "bold red"), str(error)))
 
 
 def provide_engines(names: list[str] | None) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from proofmass.base.errors import BAD_INPUT
 from proofmass.base.files import write_output
 from proofmass.base.wording import format_list
 from proofmass.batch.check import family_of
@@ -15,10 +16,11 @@ from proofmass.batch.pool import pool
 from proofmass.commands.command import (
     error_console,
     exit_on_error,
+    print_errors,
     progress_bar,
     provide_engines,
 )
-from proofmass.commands.studies import load_cases
+from proofmass.commands.studies import read_cases
 from proofmass.formats.terminal import make_console
 from proofmass.sim.engines import NoEngine, engine_names, engine_of, hosted_names
 from proofmass.sim.hosts.engine import HostedEngine
@@ -27,6 +29,7 @@ from proofmass.studies.cells import CellResult, cells_of, measure_cells
 from proofmass.studies.engines.summary import summarize_engine
 from proofmass.studies.store import Store
 from proofmass.studies.study import Study
+from proofmass.verdict.outcome import NOT_RUN_OUTCOMES
 
 ALL_ENGINES = "all"
 """The name that stands for all engines that compute."""
@@ -63,17 +66,24 @@ def run_engines(
     jobs: int | None,
     dask: str | None,
     as_json: bool,
-) -> None:
-    """Run ``proofmass engines``; `proofmass.commands.cli` describes its arguments."""
+) -> int:
+    """Run ``proofmass engines``; `proofmass.commands.cli` describes its arguments.
+
+    Returns
+    -------
+    int
+        The exit code: `BAD_INPUT` if a sidecar is at fault; the other cases were run.
+    """
     if not paths:
         with exit_on_error("nothing is written"):
             show_list(list_engines(), as_json)
-        return
+        return 0
     with exit_on_error(f"{output} keeps the runs"):
         from proofmass.studies.engines.page import write_engines  # loads the report
 
         asked = provide_engines(named_engines(engines))
-        cases = load_cases(paths)
+        cases, faults = read_cases(paths)
+        print_errors(faults)
         cells = cells_of(cases, asked)
         if left := [case.name for case in cases if "dynamics" not in case.run]:
             error_console.print(f"left out, since they have no run in time: {format_list(left)}")
@@ -92,6 +102,7 @@ def run_engines(
         else:
             make_console().print(engine_table(asked, results))
             print(page.first)
+    return BAD_INPUT if faults else 0
 
 
 def named_engines(engines: Sequence[str]) -> list[str]:
@@ -113,7 +124,7 @@ def engine_table(asked: Sequence[str], results: Sequence[CellResult]) -> Table:
         own = [one for one in results if one.solver == solver]
         found = summarize_engine(solver, results)
         silent = sum(one.is_silently_wrong for one in own)
-        refused = sum(one.outcome in ("unsupported", "unavailable") for one in own)
+        refused = sum(one.outcome in NOT_RUN_OUTCOMES for one in own)
         lost = found.of - found.filled - refused
         middle = f"{found.middle:.1e}" if found.filled else "–"
         seconds = f"{found.seconds:.2g}" if found.filled else "–"

@@ -2,7 +2,6 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from math import inf
 from pathlib import Path
 
@@ -17,20 +16,47 @@ from proofmass.run.solve import with_computing_solvers
 
 
 def load_cases(paths: list[Path], engines: tuple[str, ...] = ()) -> list[Case]:
-    """Load all cases below the paths; raise the first error of any of them.
+    """Load all cases below the paths, with the solvers that a study runs.
+
+    `engines` that a command asks for replace the solvers of the cases.
+
+    Raises
+    ------
+    InputError
+        The first error of any path or case.
+    """
+    cases, faults = read_cases(paths)
+    if faults:
+        raise faults[0]
+    if engines:
+        cases = [with_engines(case, engines) for case in cases]
+    return [without_recorded_solvers(case) for case in cases]
+
+
+def read_cases(paths: list[Path]) -> tuple[list[Case], list[InputError]]:
+    """Load all cases below the paths, and the errors of those that are at fault.
 
     Paths are made absolute, since workers of a cluster run in other folders.  Models without a
-    sidecar are passed over with a message; if there are no others, the first of them is the error.
-    `engines` that a command asks for replace the solvers of the cases.
+    sidecar are passed over with a message.
+
+    Raises
+    ------
+    InputError
+        There is no case; it is the first error, or that of the first model without a sidecar.
     """
     problems: list[InputError] = []
     files = collect_inputs(paths, problems)
     sidecars = [file.absolute() for file in files if file.suffix == ".toml"]
     with ThreadPoolExecutor(os.cpu_count()) as threads:  # each is checked in a worker
-        cases = list(threads.map(partial(load_validated, strict=True), sidecars))
-    protect(file for case in cases for file in input_files(case))
+        loaded = list(threads.map(load_or_find_fault, sidecars))
     names = unique_names(sidecars)
-    cases = [rename_case(case, names[file]) for file, case in zip(sidecars, cases, strict=True)]
+    cases = [
+        rename_case(found, names[file])
+        for file, found in zip(sidecars, loaded, strict=True)
+        if isinstance(found, Case)
+    ]
+    problems += [found for found in loaded if isinstance(found, InputError)]
+    protect(file for case in cases for file in input_files(case))
     without_sidecar = [
         InputError(
             file,
@@ -41,13 +67,19 @@ def load_cases(paths: list[Path], engines: tuple[str, ...] = ()) -> list[Case]:
         for file in files
         if file.suffix != ".toml"
     ]
-    if problems or not cases:
+    if not cases:
         raise (problems or without_sidecar)[0]
     for problem in without_sidecar:
         error_console.print(f"passed over: {problem}", markup=False)
-    if engines:
-        cases = [with_engines(case, engines) for case in cases]
-    return [without_recorded_solvers(case) for case in cases]
+    return cases, problems
+
+
+def load_or_find_fault(sidecar: Path) -> Case | InputError:
+    """The case of a sidecar, or what is at fault in it, its model or its reference."""
+    try:
+        return load_validated(sidecar, strict=True)
+    except InputError as error:
+        return error
 
 
 def without_recorded_solvers(case: Case) -> Case:

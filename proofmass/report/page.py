@@ -15,7 +15,6 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from proofmass.base.entry_points import foreign_distribution
 from proofmass.base.errors import InputError
 from proofmass.base.files import OUTPUT_MARK, make_folder, write_output
 from proofmass.base.wording import number
@@ -23,7 +22,13 @@ from proofmass.batch.check import Result
 from proofmass.case.case import Case
 from proofmass.report.commit import commit_of
 from proofmass.report.words import SYMBOLS
-from proofmass.sim.engines import ENGINE_GROUP, NoEngine, engine_names, engine_of
+from proofmass.sim.engines import (
+    NoEngine,
+    distribution_of_engine,
+    engine_names,
+    engine_of,
+    hosted_names,
+)
 
 
 @cache
@@ -80,16 +85,22 @@ def case_faults(case: Case, result: Result) -> list[str]:
 
 
 def packages_of(engine: str) -> list[str]:
-    """Return the distributions that an engine's results depend on; none if it cannot be loaded."""
+    """Return the distributions of this interpreter that an engine's results depend on.
+
+    There are none if it cannot be loaded.  Of an engine in another interpreter, which is not
+    loaded, it is the distribution that brings it.
+    """
+    brought = [*filter(None, [distribution_of_engine(engine)])]
+    if engine in hosted_names():
+        return brought
     with suppress(NoEngine):
-        brought = foreign_distribution(ENGINE_GROUP, engine)
-        return [*filter(None, [brought]), *engine_of(engine).packages]
+        return [*brought, *engine_of(engine).packages]
     return []
 
 
 def read_versions() -> list[tuple[str, str]]:
     """Return the versions of all packages that the results depend on, and of Python."""
-    return versions_with_engines(tuple(engine_names()))
+    return versions_with_engines((*engine_names(), *hosted_names()))
 
 
 @cache

@@ -1,11 +1,13 @@
 """Pages of studies: how they are written, and how the report links to them."""
 
-from collections.abc import Iterable
+import json
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
-from proofmass.base.files import make_folder, read_bytes, write_output
+from proofmass.base.errors import InputError
+from proofmass.base.files import make_folder, read_bytes, read_text, write_output
 from proofmass.case.case import Case
 from proofmass.report.case_data import script_json
 from proofmass.report.page import environment, report_facts, write_static
@@ -16,6 +18,37 @@ class StudyPages(NamedTuple):
 
     first: Path
     parts: dict[str, str]
+
+
+T = TypeVar("T")
+
+
+def require_table(folder: Path | str, name: str, command: str) -> Path:
+    """Return the file of a study's table in a folder.
+
+    Raises
+    ------
+    InputError
+        There is no such file; the message names the command that writes it.
+    """
+    file = Path(folder) / name
+    if not file.is_file():
+        raise InputError(file, "", f"no such file; proofmass {command} writes it")
+    return file
+
+
+def read_results(file: Path, command: str, read: Callable[[dict[str, Any]], T]) -> T:
+    """Read a file of JSON that a command wrote.
+
+    Raises
+    ------
+    InputError
+        Something else wrote it, so that `read` fails.
+    """
+    try:
+        return read(json.loads(read_text(file)))
+    except (ValueError, KeyError, TypeError):
+        raise InputError(file, "", f"not what proofmass {command} wrote there") from None
 
 
 STATIC = ("common.css", "study.css", "common.js", "study.js")

@@ -109,12 +109,9 @@ def headline(
         return "Not judged: no run could be compared; the input is at fault."
     if is_unchecked(own):
         parts = format_unchecked(group_by_solver(own, *case.run))
-        return (
-            ("Unchecked, as the sidecar says" if case.unchecked else "Nothing is checked")
-            + ": "
-            + "; ".join(parts)
-            + "."
-        )
+        words = "; ".join(parts).removeprefix(f"{Outcome.UNCHECKED}: ")
+        first = "Unchecked, as the sidecar says" if case.unchecked else "Nothing is checked"
+        return f"{first}: {words}."
     quiet = [kind for kind in ("sweep", "equilibrium") if kind in case.run] or ["sweep"]
     sweep, dynamics = group_by_solver(own, *quiet), group_by_solver(own, "dynamics")
     within = " and ".join(quiet)
@@ -233,15 +230,17 @@ def describe_solver(solver: str, rows: list[Comparison], where: str) -> str:
 
 
 def format_unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
-    """Format the solvers that are shown but not judged, with their errors."""
-    found = {}
+    """Format the solvers that are not judged by the outcomes of their curves, and their errors."""
+    found: dict[str, list[str]] = {Outcome.UNCHECKED: [], Outcome.MEASURED: []}
+    unsupported = []
     for solver, comparisons in rows.items():
-        if away := format_errors(comparisons):
-            found[solver] = f"{format_solver(solver)} (off by {format_list(away)})"
-        elif any(c.outcome == Outcome.UNCHECKED for c in comparisons):
-            found[solver] = format_solver(solver)
-    unsupported = [format_solver(s) for s in rows if s not in found]
-    parts = [f"shown unchecked: {format_list(found.values())}"] if found else []
+        there, name = {c.outcome for c in comparisons}, format_solver(solver)
+        if (outcome := next((one for one in found if one in there), None)) is None:
+            unsupported.append(name)
+            continue
+        away = format_errors(comparisons)
+        found[outcome].append(f"{name} (off by {format_list(away)})" if away else name)
+    parts = [f"{outcome}: {format_list(own)}" for outcome, own in found.items() if own]
     return parts + ([f"not expressible in {format_list(unsupported)}"] if unsupported else [])
 
 

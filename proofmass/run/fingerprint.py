@@ -17,7 +17,7 @@ from proofmass.reference.case_model import compiled_model
 from proofmass.reference.find import REFERENCE_GROUP
 from proofmass.run.case_files import recorded_files
 from proofmass.sim import hosts
-from proofmass.sim.engines import ENGINE_GROUP, HOSTED_GROUP, VERSION_MARK, engine_names, engine_of
+from proofmass.sim.engines import VERSION_MARK, distribution_of_engine, engine_of
 
 SCRIPTS = Path(hosts.__path__[0]) / "scripts"
 """The scripts of the engines of this distribution that run in other interpreters."""
@@ -55,9 +55,7 @@ def digest_recorded_files(case: Case) -> str:
 @cache
 def package_versions(engine: str) -> dict[str, str]:
     """Versions of the packages that compute a result, and a digest of an engine from elsewhere."""
-    name = engine.partition(VERSION_MARK)[0]
-    group = ENGINE_GROUP if name in engine_names() else HOSTED_GROUP
-    brought = foreign_distribution(group, name)
+    brought = distribution_of_engine(engine.partition(VERSION_MARK)[0])
     names = ["mujoco", "numpy", "scipy", *filter(None, [brought])]
     code = {"adapter": digest_plugins(distribution(brought))} if brought else {}
     return {

@@ -17,6 +17,7 @@ from proofmass.base.entry_points import (
     NotLoaded,
     distribution_of,
     entry_points_of,
+    foreign_distribution,
     load_entry_point,
 )
 from proofmass.base.errors import suggest_names
@@ -60,6 +61,12 @@ def engine_names() -> list[str]:
 def hosted_names() -> list[str]:
     """The names of the engines that run in interpreters of their own; none is imported."""
     return list(engine_entry_points(HOSTED_GROUP))
+
+
+def distribution_of_engine(name: str) -> str:
+    """The distribution of others that brings an engine; empty for engines of this one."""
+    groups = ENGINE_GROUP, HOSTED_GROUP
+    return next((found for one in groups if (found := foreign_distribution(one, name))), "")
 
 
 def is_engine(name: str) -> bool:

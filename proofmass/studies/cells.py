@@ -6,11 +6,11 @@ solver that is added later costs its own cells only.
 
 import io
 import json
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
-from functools import partial
-from math import nan
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property, partial
+from math import isnan, nan
+from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -29,21 +29,27 @@ from proofmass.run.fingerprint import (
     digest_recorded_files,
     package_versions,
 )
-from proofmass.sim.protocol.failures import BadModel
+from proofmass.studies.measure import STUDY_OUTCOME_OF_EXCEPTION
 from proofmass.studies.store import Store, digest_of_sources, read_json
 from proofmass.studies.study import Study
-from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
+from proofmass.verdict.outcome import Outcome
+
+T = TypeVar("T")
 
 SILENT_SHARE = 0.1
 """Error, as a share of the range, from which a run that ends without a word is silently wrong: no
 curve of an engineer's report would be taken for the reference's."""
+MOTION_KINDS = "position", "velocity", "acceleration"
+"""Kinds of channels whose errors a cell of a table has."""
 CHANNEL_KINDS: dict[str, tuple[str, ...]] = {
     "position": POSITION_UNITS,
     "velocity": MOTION_UNITS["velocity"],
     "acceleration": MOTION_UNITS["acceleration"],
     "force": FORCE_UNITS,
 }
-"""Kinds of channels by the units of their quantities; others are of the kind ``other``."""
+"""Kinds of channels by the units of their quantities."""
+OTHER_KIND = "other"
+"""The kind of all other channels."""
 
 
 @dataclass(frozen=True)
@@ -139,13 +145,32 @@ class CellResult:
         return replace_nonfinite(asdict(self))
 
 
+ResultAndCurves = tuple[CellResult, dict[str, Array]]
+"""A result, and its curves by channel [SI]; none of a run that failed."""
+
+
+def format_one_digit(share: float) -> str:
+    """A share of a range with one digit.
+
+    >>> format_one_digit(2.3e-5), format_one_digit(1.2), format_one_digit(nan)
+    ('2e-5', '1e+0', '?')
+    """
+    return "?" if isnan(share) else f"{share:.0e}".replace("e-0", "e-").replace("e+0", "e+")
+
+
+def format_motion_errors(result: CellResult) -> str:
+    """The largest errors of positions, velocities and accelerations, or of all channels instead."""
+    found = [worst.share for kind in MOTION_KINDS if (worst := result.worst(kind))]
+    return " / ".join(map(format_one_digit, found or [result.position]))
+
+
 def channel_kind(unit: str) -> str:
     """The kind of a channel by the SI unit of its quantity.
 
     >>> channel_kind("rad"), channel_kind("m/s"), channel_kind("J")
     ('position', 'velocity', 'other')
     """
-    return next((kind for kind, units in CHANNEL_KINDS.items() if unit in units), "other")
+    return next((kind for kind, units in CHANNEL_KINDS.items() if unit in units), OTHER_KIND)
 
 
 @dataclass(frozen=True)
@@ -164,7 +189,7 @@ class Cell:
     run: Kind
     solver: str
 
-    @property
+    @cached_property
     def asked(self) -> Case:
         """The case with this solver alone."""
         return with_engines(self.case, (self.solver,))
@@ -184,36 +209,60 @@ class Cell:
         }
         return digest(json.dumps(parts, sort_keys=True, default=str).encode())
 
-    def measure(self) -> tuple[CellResult, dict[str, Array]]:
+    def measure(self) -> ResultAndCurves:
         """Run and compare in a worker; the result, and the curves [SI] by channel."""
         table = self.asked.run[self.run]
-        try:
-            return call_isolated(
-                measure_here,
-                self.asked,
-                self.run,
-                self.solver,
-                timeout=table.timeout,
-                memory=table.memory,
-            )
-        except tuple(OUTCOME_OF_EXCEPTION) as error:
-            outcome, words = OUTCOME_OF_EXCEPTION[type(error)], str(error)
-        except InputError as error:
-            outcome, words = Outcome.NO_START, ": ".join(filter(None, (error.key, error.wrong)))
-        except BadModel as error:
-            outcome, words = Outcome.NO_START, str(error)
-        except Exception as error:
-            outcome, words = Outcome.CRASHED, f"{type(error).__name__}: {error}"
-        return CellResult(self.case.name, self.run, self.solver, outcome, words), {}
+        empty = CellResult(self.case.name, self.run, self.solver)
+        return measure_isolated(
+            measure_here, self.asked, empty, timeout=table.timeout, memory=table.memory
+        )
 
 
-def measure_here(case: Case, run: Kind, solver: str) -> tuple[CellResult, dict[str, Array]]:
+def measure_isolated(
+    function: Callable[[T, CellResult], ResultAndCurves],
+    subject: T,
+    empty: CellResult,
+    timeout: float,
+    memory: float,
+) -> ResultAndCurves:
+    """Measure in a worker; what fails is the outcome of the `empty` result, without curves.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(subject, empty)`` fills the result.
+    subject : object
+        What is measured.
+    empty : CellResult
+        A result with its names alone.
+    timeout, memory : float
+        Limits of processor time [s] and memory [GiB].
+    """
+    try:
+        return call_isolated(function, subject, empty, timeout=timeout, memory=memory)
+    except Exception as error:
+        outcome, words = describe_failure(error)
+        return replace(empty, outcome=outcome, message=words), {}
+
+
+def describe_failure(error: Exception) -> tuple[Outcome, str]:
+    """The outcome and the message of a run that raised an exception."""
+    if isinstance(error, InputError):
+        return Outcome.NO_START, ": ".join(filter(None, (error.key, error.wrong)))
+    for kind in type(error).__mro__:
+        if kind in STUDY_OUTCOME_OF_EXCEPTION:
+            return STUDY_OUTCOME_OF_EXCEPTION[kind], str(error)
+    return Outcome.CRASHED, f"{type(error).__name__}: {error}"
+
+
+def measure_here(case: Case, empty: CellResult) -> ResultAndCurves:
     """Do what `Cell.measure` does, in this process."""
     from proofmass.batch.work import compare_and_share
     from proofmass.run.solve import solve_here
 
-    curves = solve_here(case, run, solver)
-    found = compare_and_share(case, run, solver, curves, detectable=False)
+    kind = cast(Kind, empty.run)
+    curves = solve_here(case, kind, empty.solver)
+    found = compare_and_share(case, kind, empty.solver, curves, detectable=False)
     errors = tuple(
         ChannelError(
             c.channel,
@@ -226,19 +275,17 @@ def measure_here(case: Case, run: Kind, solver: str) -> tuple[CellResult, dict[s
         for c in found
         if c.channel in curves.channels
     )
-    result = CellResult(
-        case.name,
-        run,
-        solver,
-        Outcome.STOPPED if curves.stopped else Outcome.RAN,
-        curves.stopped,
-        errors,
-        curves.missing,
-        curves.seconds,
-        curves.compile_seconds,
-        curves.made_step,
-        {key: value for key, value in curves.settings.items() if key != "timestep"},
-        curves.versions,
+    result = replace(
+        empty,
+        outcome=Outcome.STOPPED if curves.stopped else Outcome.RAN,
+        message=curves.stopped,
+        errors=errors,
+        missing=curves.missing,
+        seconds=curves.seconds,
+        compile_seconds=curves.compile_seconds,
+        step=curves.made_step,
+        settings={key: value for key, value in curves.settings.items() if key != "timestep"},
+        versions=curves.versions,
     )
     return result, {"x": curves.x, **curves.channels}
 
@@ -250,7 +297,7 @@ class MeasuredCell(Protocol):
     def key(self) -> str:
         """Digest of all that the result depends on."""
 
-    def measure(self) -> tuple[CellResult, dict[str, Array]]:
+    def measure(self) -> ResultAndCurves:
         """The result and the curves."""
 
 

@@ -178,7 +178,7 @@ def test_a_case_without_checks_exits_with_1(models, edit, tmp_path):
     assert "pendulum unchecked: nothing of this case was checked" in answer.output
     assert "20 unchecked, 1 case(s) without any check" in answer.output
     page = (tmp_path / "pendulum.html").read_text()
-    assert '<p class="verdict bad">Nothing is checked: shown unchecked: ' in page
+    assert '<p class="verdict bad">Nothing is checked: MuJoCo ' in page
     index = (tmp_path / "index.html").read_text()
     assert '<b class="bad">1</b> cases differ or failed' in index
     assert "Nothing of it was checked." in index

@@ -126,7 +126,7 @@ def test_the_headline_gives_the_errors_of_unchecked_settings(fourbar: Case) -> N
     curves = curves_with_error(fourbar, "dynamics", 3e-2)
     rows = compare(fourbar, "dynamics", "mujoco:default", curves)
     assert (
-        "shown unchecked: MuJoCo default (off by 3% of the range in position, 3% in velocity and "
+        "unchecked: MuJoCo default (off by 3% of the range in position, 3% in velocity and "
         "3% in force or energy)"
     ) in headline(fourbar, [*result.comparisons, *rows])
 

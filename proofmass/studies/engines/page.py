@@ -3,19 +3,22 @@
 The size of a dot is the decade of the largest error of positions, and the number stands beside it.
 """
 
-import json
 from collections.abc import Sequence
-from math import ceil, isnan, log10
+from math import ceil, log10
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from proofmass.base.errors import InputError
-from proofmass.base.files import read_text
 from proofmass.base.wording import number
 from proofmass.report.page import slug
-from proofmass.report.study import PageWriter, StudyPages, prepare_folder
+from proofmass.report.study import (
+    PageWriter,
+    StudyPages,
+    prepare_folder,
+    read_results,
+    require_table,
+)
 from proofmass.sim.engines import format_solver
-from proofmass.studies.cells import CellResult
+from proofmass.studies.cells import CHANNEL_KINDS, OTHER_KIND, CellResult, format_one_digit
 from proofmass.studies.engines.summary import summarize_engine
 from proofmass.verdict.outcome import Outcome
 
@@ -60,9 +63,7 @@ def write_engines(folder: Path | str, output: Path | str, home: str = "") -> Stu
     InputError
         There is no such file in the folder, or something else wrote it.
     """
-    file, output = Path(folder) / ENGINES_TABLE, Path(output)
-    if not file.is_file():
-        raise InputError(file, "", "no such file; proofmass engines CASES writes it")
+    file, output = require_table(folder, ENGINES_TABLE, "engines CASES"), Path(output)
     data = read_engines(file)
     results: list[CellResult] = data["results"]
     solvers = list(dict.fromkeys(one.solver for one in results))
@@ -100,14 +101,12 @@ def write_engines(folder: Path | str, output: Path | str, home: str = "") -> Stu
 
 def read_engines(file: Path) -> dict[str, Any]:
     """The content of an ``engines.json`` with its records as objects."""
-    try:
-        data = json.loads(read_text(file))
-        return {
-            "kinds": dict(data["kinds"]),
-            "results": [CellResult.read(one) for one in data["results"]],
-        }
-    except (ValueError, KeyError, TypeError):
-        raise InputError(file, "", "not what proofmass engines wrote there") from None
+
+    def read(data: dict[str, Any]) -> dict[str, Any]:
+        results = [CellResult.read(one) for one in data["results"]]
+        return {"kinds": dict(data["kinds"]), "results": results}
+
+    return read_results(file, "engines", read)
 
 
 def shown_cell(result: CellResult | None) -> ShownCell:
@@ -120,10 +119,10 @@ def shown_cell(result: CellResult | None) -> ShownCell:
         state = "none" if mark == "–" else "lost"
         return ShownCell(0.0, mark, words, title + (result.message or words), state, "")
     share = result.position
-    words = "?" if isnan(share) else f"{share:.0e}".replace("e-0", "e-").replace("e+0", "e+")
+    words = format_one_digit(share)
     parts = [
         f"{kind} {number(worst.share)} ({worst.channel})"
-        for kind in ("position", "velocity", "acceleration", "force", "other")
+        for kind in (*CHANNEL_KINDS, OTHER_KIND)
         if (worst := result.worst(kind))
     ]
     title += f"{'; '.join(parts)}; {number(result.seconds)} s"

@@ -22,13 +22,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from proofmass.base.errors import InputError
 from proofmass.base.wording import format_unit, number
 from proofmass.report.case_data import finite_or_none
 from proofmass.report.figures import label_row, save
 from proofmass.report.page import slug
 from proofmass.report.strip import Strip, log_place
-from proofmass.report.study import PageWriter, StudyPages, prepare_folder
+from proofmass.report.study import PageWriter, StudyPages, prepare_folder, require_table
 from proofmass.report.svg_markers import MARKER_PATHS, Tone, page_tones
 from proofmass.sim.engines import format_solver
 from proofmass.studies.stress.boundary import (
@@ -51,9 +50,7 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Stud
     InputError
         There is no ``stress.csv`` in the folder.
     """
-    file, output = Path(folder) / "stress.csv", Path(output)
-    if not file.is_file():
-        raise InputError(file, "", "no such file; proofmass stress writes it")
+    file, output = require_table(folder, "stress.csv", "stress"), Path(output)
     found = read_boundaries(file)
     prepare_folder(output, (file, file.with_name("stress.columns.md")), LIMITS_SCRIPTS)
     engines = list(dict.fromkeys(one.engine for one in found))

@@ -16,14 +16,13 @@ import numpy as np
 from proofmass.report.style import FIXED_LOOKS, RC, Look  # isort: skip
 from matplotlib import rc_context
 
-from proofmass.base.errors import InputError
 from proofmass.base.front import nondominated_points
 from proofmass.base.grouping import group_by
 from proofmass.base.wording import number
 from proofmass.report.case_data import finite_or_none
 from proofmass.report.figures import save
 from proofmass.report.page import slug
-from proofmass.report.study import PageWriter, StudyPages, prepare_folder
+from proofmass.report.study import PageWriter, StudyPages, prepare_folder, require_table
 from proofmass.report.svg_markers import MARKER_PATHS, Tone, page_tones
 from proofmass.sim.engines import NoEngine, engine_of, format_solver
 from proofmass.sim.protocol.programs import sidecar_table
@@ -86,10 +85,8 @@ def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Study
         There is no study in the folder.
     """
     folder, output = Path(folder), Path(output)
-    for name in ("trade.csv", "verdicts.json"):
-        if not (folder / name).is_file():
-            raise InputError(folder / name, "", "no such file; proofmass trade CASE writes it")
-    rows, verdicts = read_table(folder / "trade.csv"), read_verdicts(folder / "verdicts.json")
+    rows = read_table(require_table(folder, "trade.csv", "trade CASE"))
+    verdicts = read_verdicts(require_table(folder, "verdicts.json", "trade CASE"))
     files = prepare_folder(output, (folder / name for name in COPIED_FILES), SCRIPTS)
     pages = PageWriter(output, home, SCRIPTS)
     parts = []

@@ -6,17 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from proofmass.base.arrays import Array
-from proofmass.base.worker import call_isolated
 from proofmass.run.fingerprint import digest, package_versions
 from proofmass.sim.engines import engine_of
 from proofmass.sim.model_files import files_of_model
 from proofmass.sim.protocol.curves import Curves
-from proofmass.sim.protocol.failures import BadModel, Diverged
+from proofmass.sim.protocol.failures import Diverged
 from proofmass.sim.protocol.run import Run
-from proofmass.studies.cells import CellResult, ChannelError
+from proofmass.studies.cells import CellResult, ChannelError, ResultAndCurves, measure_isolated
 from proofmass.studies.store import digest_of_sources
-from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
 
 UNTIL, SAMPLES = 1.0, 101
 """Length of the motion [s], and the number of times at which it is compared."""
@@ -58,21 +55,13 @@ class BareCell:
         }
         return digest(json.dumps(parts, sort_keys=True).encode())
 
-    def measure(self) -> tuple[CellResult, dict[str, Array]]:
+    def measure(self) -> ResultAndCurves:
         """Step in a worker, once more with half the step; the result, and the curves [m]."""
         empty = CellResult(self.name, "passive", self.solver)
-        try:
-            return call_isolated(
-                measure_bare, self, empty, timeout=BARE_TIMEOUT, memory=BARE_MEMORY
-            )
-        except BadModel as error:
-            return replace(empty, outcome=Outcome.NO_START, message=str(error)), {}
-        except tuple(OUTCOME_OF_EXCEPTION) as error:
-            outcome = OUTCOME_OF_EXCEPTION[type(error)]
-            return replace(empty, outcome=outcome, message=str(error)), {}
+        return measure_isolated(measure_bare, self, empty, timeout=BARE_TIMEOUT, memory=BARE_MEMORY)
 
 
-def measure_bare(cell: BareCell, empty: CellResult) -> tuple[CellResult, dict[str, Array]]:
+def measure_bare(cell: BareCell, empty: CellResult) -> ResultAndCurves:
     """Do what `BareCell.measure` does, in this process."""
     run = Run("passive", np.linspace(0.0, UNTIL, SAMPLES), ())
     whole = follow(cell, run)

@@ -3,18 +3,21 @@
 It is written from ``versions.json``, so that a report can write it again.
 """
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from proofmass.base.errors import InputError
-from proofmass.base.files import read_text
 from proofmass.base.json_values import restore_nan
 from proofmass.base.wording import format_count
 from proofmass.report.page import slug
-from proofmass.report.study import PageWriter, StudyPages, prepare_folder
+from proofmass.report.study import (
+    PageWriter,
+    StudyPages,
+    prepare_folder,
+    read_results,
+    require_table,
+)
 from proofmass.sim.engines import format_solver
 from proofmass.studies.cells import CellResult
 from proofmass.studies.versions.changes import VersionChange, version_of
@@ -54,9 +57,7 @@ def write_versions(folder: Path | str, output: Path | str, home: str = "") -> St
     InputError
         There is no such file in the folder, or something else wrote it.
     """
-    file, output = Path(folder) / VERSIONS_TABLE, Path(output)
-    if not file.is_file():
-        raise InputError(file, "", "no such file; proofmass versions writes it")
+    file, output = require_table(folder, VERSIONS_TABLE, "versions"), Path(output)
     data = read_comparison(file)
     prepare_folder(output, (file,))
     changes: list[VersionChange] = data["changes"]
@@ -86,17 +87,16 @@ def write_versions(folder: Path | str, output: Path | str, home: str = "") -> St
 
 def read_comparison(file: Path) -> dict[str, Any]:
     """The content of a ``versions.json`` with its records as objects."""
-    try:
-        data = json.loads(read_text(file))
-        read: Any = VersionChange
+
+    def read(data: dict[str, Any]) -> dict[str, Any]:
+        records = [restore_nan(one) for one in data["changes"]]
         changes = [
-            read(**{k: v for k, v in restore_nan(one).items() if k != "factor"})
-            for one in data["changes"]
+            VersionChange(**{key: one[key] for key in one if key != "factor"}) for one in records
         ]
         results = [CellResult.read(one) for one in data["results"]]
         return data | {"changes": changes, "results": results}
-    except (ValueError, KeyError, TypeError):
-        raise InputError(file, "", "not what proofmass versions wrote there") from None
+
+    return read_results(file, "versions", read)
 
 
 def stages_of(

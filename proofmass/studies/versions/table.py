@@ -9,7 +9,7 @@ from rich.table import Table
 from proofmass.base.grouping import group_by
 from proofmass.base.json_values import replace_nonfinite
 from proofmass.base.wording import format_count, number
-from proofmass.studies.cells import CellResult
+from proofmass.studies.cells import CellResult, format_motion_errors
 from proofmass.studies.versions.bisect import VersionSeries
 from proofmass.studies.versions.changes import VersionChange
 from proofmass.verdict.outcome import Outcome
@@ -105,11 +105,7 @@ def result_cell(result: CellResult | None) -> str:
         return ""
     if not result.is_filled:
         return outcome_word(result.outcome)
-    kinds = ("position", "velocity", "acceleration")
-    found = [worst for kind in kinds if (worst := result.worst(kind))]
-    return " / ".join(f"{one.share:.0e}".replace("e-0", "e-") for one in found) or number(
-        result.position
-    )
+    return format_motion_errors(result)
 
 
 def as_data(

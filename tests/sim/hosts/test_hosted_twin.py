@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from proofmass.batch.check import check
 from proofmass.commands.cli import app
+from proofmass.report.page import read_versions
 from proofmass.sim.engines import HOSTED_GROUP
 from tests.distributions import on_path, write_distribution
 from tests.shipped import shipped
@@ -92,7 +93,8 @@ def test_a_sidecar_may_name_it(tmp_path: Path) -> None:
 
 
 def test_commands_list_and_run_it(tmp_path: Path) -> None:
-    """The list of engines has it, and a table of cases beside engines."""
+    """The list of engines has it, the versions of pages, and a table of cases beside engines."""
+    assert ("swing_engine", "1.0") in read_versions()
     shown = json.loads(CliRunner().invoke(app, ["engines", "--json"]).stdout)
     (entry,) = (one for one in shown if one["name"] == "swing")
     assert entry["version"] == np.__version__

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from shutil import copy
 
 import pytest
 from typer.testing import CliRunner
@@ -147,6 +148,25 @@ def test_unknown_engine_is_bad_input(tmp_path: Path) -> None:
     made = CliRunner().invoke(app, words)
     assert made.exit_code == 2
     assert "drake" in made.stderr
+
+
+def test_sidecar_at_fault_costs_its_row_only(tmp_path: Path) -> None:
+    """The other cases of a folder run, the fault is a line, and the exit code is that of check."""
+    for name in ("pendulum.toml", "pendulum.xml", "fourbar.toml"):
+        copy(shipped(name), tmp_path)
+    words = [str(tmp_path), "--engine", "mujoco"]
+    made = CliRunner().invoke(app, ["engines", *words, "-o", str(tmp_path / "o")])
+    checked = CliRunner().invoke(app, ["check", *words])
+    assert (made.exit_code, checked.exit_code) == (2, 2)
+    faults = [
+        [line for line in one.stderr.splitlines() if line.startswith("error: ")]
+        for one in (made, checked)
+    ]
+    assert faults[0] == faults[1]
+    assert "fourbar.xml" in faults[0][0]
+    assert "1 of 1" in made.stdout
+    table = json.loads((tmp_path / "o" / "engines.json").read_text())
+    assert [one["case"] for one in table["results"]] == ["pendulum"]
 
 
 def test_case_without_run_in_time_is_named(tmp_path: Path) -> None:
