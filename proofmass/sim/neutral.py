@@ -131,6 +131,11 @@ def support_without(lacks: tuple[str, ...]) -> Support:
     return covers(IN_TIME, {**EXCEPTIONS, **dict.fromkeys(lacks, REFUSED)}, usual=REFUSED)
 
 
+def driven_joints(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
+    """Ids of the joints that a run drives, in its order; `BadModel` names one that is not there."""
+    return tuple(find_id(model, OBJ.mjOBJ_JOINT, "joint", drive.joint) for drive in run.drives)
+
+
 class ModelReader:
     """A compiled model in a pose, and the parts of its mechanism.
 
@@ -201,11 +206,9 @@ class ModelReader:
             masses = model.body_mass[parts]
             mass = float(masses.sum())
             centre = masses @ data.xipos[parts] / mass if mass else data.xpos[head].copy()
-            inertia = np.zeros((3, 3))
-            for b, own in zip(parts, masses, strict=True):
-                axes, off = data.ximat[b].reshape(3, 3), data.xipos[b] - centre
-                inertia += axes @ np.diag(model.body_inertia[b]) @ axes.T
-                inertia += own * (off @ off * np.eye(3) - np.outer(off, off))
+            axes, off = data.ximat[parts].reshape(-1, 3, 3), data.xipos[parts] - centre
+            inertia = np.einsum("bik,bjk,bk->bij", axes, axes, model.body_inertia[parts]).sum(0)
+            inertia += masses @ (off**2).sum(1) * np.eye(3) - (masses * off.T) @ off
             mujoco.mj_objectVelocity(model, data, int(OBJ.mjOBJ_XBODY), head, rate, 0)
             omega = rate[:3].copy()
             velocity = rate[3:] + np.cross(omega, centre - data.xpos[head])
@@ -320,7 +323,7 @@ class ModelReader:
             yield NeutralSpring(name, a, b, on_a, on_b, stiffness, damping, slack, one, two)
 
     def loads(self) -> Iterator[NeutralLoad]:
-        """The loads of actuators on sites and the constant loads of rods."""
+        """The loads of actuators on sites."""
         model, data = self.model, self.data
         for a in range(model.nactuator):
             if model.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_SITE or is_disabled(model, a):
@@ -332,9 +335,12 @@ class ModelReader:
                 force, moment = gear_of(model, a).reshape(2, 3) @ turn.T
                 share = self.actuator_force(a)
                 yield NeutralLoad(link, at, force, moment, frame < 0, share, body, a)
-        for body, force in dead_loads(model, self.rods):
+
+    def rod_loads(self) -> Iterator[NeutralLoad]:
+        """The constant loads of rods."""
+        for body, force in dead_loads(self.model, self.rods):
             if link := int(self.link_of[body]):
-                at, moment = data.xipos[body].copy(), np.zeros(3)
+                at, moment = self.data.xipos[body].copy(), np.zeros(3)
                 yield NeutralLoad(link, at, force, moment, False, np.ones(1), body)
 
 
@@ -365,9 +371,9 @@ class NeutralReader(ModelReader):
         timestep: float,
         state: tuple[Array, Array] | None = None,
     ) -> None:
-        driven = tuple(find_id(model, OBJ.mjOBJ_JOINT, "joint", one.joint) for one in run.drives)
         self.qpos, self.qvel = state or start_state(model, run)
-        super().__init__(model, run.start, driven, run.rods, (self.qpos, self.qvel))
+        state = self.qpos, self.qvel
+        super().__init__(model, run.start, driven_joints(model, run), run.rods, state)
         self.run, self.asked_step = run, timestep
         self.count, self.step = run.steps(timestep)
         if run.loads:
@@ -440,7 +446,7 @@ class NeutralReader(ModelReader):
             tuple(self.loops()),
             tuple(self.gears() if forces else ()),
             tuple(one for one in self.springs() if one.stiffness or one.damping),
-            tuple(self.loads() if forces else ()),
+            (*self.loads(), *self.rod_loads()) if forces else (),
             tuple(self.drives()),
             self.model.opt.gravity.copy(),
             plane,
@@ -482,7 +488,7 @@ def read_mechanism(
     if run.kind != "dynamics":
         raise Unsupported(f"{run.kind}: the engine is stepped in time only")
     model = compile_model(path, run.rods)
-    driven = tuple(find_id(model, OBJ.mjOBJ_JOINT, "joint", drive.joint) for drive in run.drives)
+    driven = driven_joints(model, run)
     kind = RunKind.DRIVEN_MOTION if driven else RunKind.FREE_MOTION
     if refused := examine(read_compiled(model), support, kind, driven)[0]:
         raise Unsupported(f"{'; '.join(refused)} in {kind.in_words}")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.base.arrays import Array
+from proofmass.sim.neutral import ModelReader
 from proofmass.sim.plane import MotionPlane
 from proofmass.sim.pymunk.contacts import Contacts
 
@@ -240,7 +241,7 @@ class Links:
 
     Attributes
     ----------
-    model, data : MjModel, MjData
+    reader : ModelReader
         The compiled MJCF, and its state in the start pose.
     plane : MotionPlane
     of_body : ndarray (bodies,) of int
@@ -271,8 +272,7 @@ class Links:
         Sections of geoms that may touch, and their laws.
     """
 
-    model: mujoco.MjModel
-    data: mujoco.MjData
+    reader: ModelReader
     plane: MotionPlane
     of_body: Array
     centre: Array
@@ -288,6 +288,16 @@ class Links:
     gravity: Array
     extent: float
     contacts: Contacts
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled MJCF."""
+        return self.reader.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The state of the model in the start pose."""
+        return self.reader.data
 
     @property
     def rubbing(self) -> tuple[int, ...]:

@@ -17,7 +17,7 @@ from proofmass.sim.contents import actuators_on, gear_of, joint_of
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.pymunk.links import LinkLoad, Links
-from proofmass.sim.pymunk.model import link_load_of, with_controls
+from proofmass.sim.pymunk.model import LinkProjection, with_controls
 from proofmass.sim.pymunk.reactions import SampledMotion
 from proofmass.sim.pymunk.read import ConstantValue, Sensor, force_curves, read_channel
 from proofmass.sim.pymunk.space import add_changing_load, add_changing_spring
@@ -129,8 +129,7 @@ def control_limits(links: Links, run: Run) -> tuple[Array, Array]:
                 f"'{name}' is not the only one whose control changes"
             )
         constant_force = sum(
-            links.data.actuator_force[model.actuator_outadr[b]] * gear_of(model, b)[0]
-            for b in others
+            links.reader.actuator_force(b)[0] * gear_of(model, b)[0] for b in others
         )
         for has_range, ends, unit in (
             (model.actuator_forcelimited[a], model.actuator_forcerange[a], gain),
@@ -145,15 +144,15 @@ def control_limits(links: Links, run: Run) -> tuple[Array, Array]:
 def changing_forces(links: Links, run: Run) -> tuple[ChangingForce, ...]:
     """Effects of a unit of the control of each load."""
     model, found = links.model, list[ChangingForce]()
+    project = LinkProjection(links.plane, links.centre)
+    pulls = {one.actuator: one for one in links.reader.loads()}
     for name in load_names(run):
         a = model.actuator(name).id
         gain, joint = float(model.actuator_gainprm[a, 0]), joint_of(model, a)
         if joint >= 0:
             found.append(ChangingForce(joint, gain * float(gear_of(model, a)[0])))
         else:
-            pull = link_load_of(
-                model, links.data, a, gain, links.plane, links.of_body, links.centre
-            )
+            pull = project.load(pulls[a], gain, model) if a in pulls else None
             found.append(ChangingForce(pull=pull))
     return tuple(found)
 

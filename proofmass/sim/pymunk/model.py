@@ -1,34 +1,38 @@
 """Read a planar MJCF as links for pymunk, with its channels.
 
-Elements that pymunk cannot represent raise `Unsupported` with their names.  What a run covers is
-found in the plain data of the references (`proofmass.analytic.mjcf`), but no number of a link is
-taken from there: pymunk has a reading of its own on purpose, so that its curves show a number that
-the references misread.
+The links are the projection of a neutral mechanism (`proofmass.sim.neutral`) on the plane of
+motion.  Elements that pymunk cannot represent raise `Unsupported` with their names.  What a run
+covers is found in the plain data of the references (`proofmass.analytic.mjcf`), but no number of a
+link is taken from there: the reading of engines is another one on purpose, so that their curves
+show a number that the references misread.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from copy import copy
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from proofmass.analytic.mjcf import read_compiled
-from proofmass.analytic.names import equality_name, radian_hint
+from proofmass.analytic.names import radian_hint
 from proofmass.analytic.start import MAX_KEY_VIOLATION
 from proofmass.analytic.support import RunKind, examine
 from proofmass.base.arrays import Array
-from proofmass.sim.contents import (
-    active_connects,
-    actuators_on,
-    gear_of,
-    is_linear_in_joint,
-    joint_of,
-    straight_tendon,
+from proofmass.sim.contents import joint_of
+from proofmass.sim.interpreter.mechanism import (
+    NeutralGear,
+    NeutralJoint,
+    NeutralLink,
+    NeutralLoad,
+    NeutralLoop,
+    NeutralSpring,
 )
 from proofmass.sim.mjcf import compile_model
+from proofmass.sim.neutral import ModelReader, driven_joints
 from proofmass.sim.plane import PARALLEL_TOLERANCE, MotionPlane, find_plane
 from proofmass.sim.protocol.failures import BadModel, Unsupported
 from proofmass.sim.protocol.run import Rod, Run
@@ -47,7 +51,7 @@ from proofmass.sim.pymunk.read import Sensor, read_channel
 from proofmass.sim.pymunk.settings import settings_of_run
 from proofmass.sim.pymunk.space import Settings
 from proofmass.sim.pymunk.support import SUPPORT
-from proofmass.sim.rods import dead_loads, rod_channels
+from proofmass.sim.rods import rod_channels
 from proofmass.sim.start import start_state
 
 MAX_INERTIA = 1e300  # [kg, kg m^2] largest mass and moment of a link; results of them stay finite
@@ -62,7 +66,7 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
         See `proofmass.sim.pymunk.engine.simulate`.
     """
     compiled = _compile(model, run)
-    driven, kind = _driven_joints(compiled, run), kind_of(run)
+    driven, kind = driven_joints(compiled, run), kind_of(run)
     links = read_links(compiled, run.start, driven, run.rods)
     if refused := examine(read_compiled(compiled), SUPPORT, kind, driven)[0]:
         raise Unsupported(f"{'; '.join(refused)} in {kind.in_words}")
@@ -123,62 +127,42 @@ def _compile(path: Path, run: Run) -> mujoco.MjModel:
     return model
 
 
-def _driven_joints(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
-    """Ids of the joints that a run drives, in its order."""
-    names = [model.joint(j).name for j in range(model.njnt)]
-    for drive in run.drives:
-        if drive.joint not in names:
-            raise BadModel(f"no joint '{drive.joint}'; the model has {', '.join(names)}")
-    return tuple(names.index(drive.joint) for drive in run.drives)
-
-
 def link_inertias(
-    model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, count: int
+    links: Sequence[NeutralLink], joints: Sequence[NeutralJoint], plane: MotionPlane
 ) -> tuple[Array, Array, Array]:
-    """Centre, mass and moment of every link; a body without joints belongs to its parent's link.
+    """Centre, mass and moment of every link in the plane, with the armature of ground hinges.
 
     Parameters
     ----------
-    model : mujoco.MjModel
-    data : mujoco.MjData
-        With the kinematics of the start pose.
+    links : sequence of NeutralLink
+        The first one is the ground.
+    joints : sequence of NeutralJoint
     plane : MotionPlane
-    of_body : ndarray (bodies,)
-        Link of each body [1]; `count` is the ground.
-    count : int
-        Number of moving links.
 
     Returns
     -------
-    centre (count + 1, 2) [m], mass (count,) [kg], moment (count,) [kg m^2]
+    centre (links, 2) [m], of which the last is the ground, mass (links - 1,) [kg],
+    moment (links - 1,) [kg m^2]
 
     Raises
     ------
     BadModel
         A mass or a moment is not positive or too large; Chipmunk would abort.
     """
-    frames = data.ximat.reshape(-1, 3, 3)
-    about = np.einsum("bij,i->bj", frames, plane.normal) ** 2
-    own = np.einsum("bj,bj->b", about, model.body_inertia)
-    points = plane.flat(data.xipos)
-    centre, mass, moment = np.zeros((count + 1, 2)), np.zeros(count), np.zeros(count)
-    for k in range(count):
-        bodies = of_body == k
-        m, p = model.body_mass[bodies], points[bodies]
-        mass[k], centre[k] = m.sum(), m @ p / m.sum()
-        moment[k] = own[bodies].sum() + m @ ((p - centre[k]) ** 2).sum(axis=1)
-    pins = dict[int, Array]()
-    for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE):
-        k, body = int(of_body[model.jnt_bodyid[j]]), model.jnt_bodyid[j]
-        if of_body[model.body_parentid[body]] == count and model.body_jntnum[body] == 1:
-            moment[k] += model.dof_armature[model.jnt_dofadr[j]]
-            pins[k] = plane.flat(data.xanchor[j])
-    for k in range(count):
-        if not (0 < mass[k] < MAX_INERTIA and 0 < moment[k] < MAX_INERTIA):
-            name = model.body(int(np.flatnonzero(of_body == k)[0])).name
+    ground, *moving = links
+    centre = plane.flat(np.array([one.centre for one in (*moving, ground)]))
+    mass = np.array([one.mass for one in moving])
+    moment = np.array([plane.normal @ one.inertia @ plane.normal for one in moving])
+    pins, counts = dict[int, Array](), Counter(one.child for one in joints)
+    for one in joints:
+        if one.kind == "hinge" and not one.parent and counts[one.child] == 1:
+            moment[one.child - 1] += one.armature
+            pins[one.child - 1] = plane.flat(one.anchor)
+    for link, own, about in zip(moving, mass, moment, strict=True):
+        if not (0 < own < MAX_INERTIA and 0 < about < MAX_INERTIA):
             raise BadModel(
-                f"body {name!r}: mass {mass[k]:g} kg, moment of inertia with armature "
-                f"{moment[k]:g} kg m2; both must be positive and less than {MAX_INERTIA:g}"
+                f"body {link.name!r}: mass {own:g} kg, moment of inertia with armature "
+                f"{about:g} kg m2; both must be positive and less than {MAX_INERTIA:g}"
             )
     for k, pin in pins.items():
         _replace_point_mass(centre, mass, moment, k, pin)
@@ -199,7 +183,7 @@ def _replace_point_mass(centre: Array, mass: Array, moment: Array, k: int, pin: 
         centre[k] = pin + 0.5 * arm
 
 
-JOINT, EQ = mujoco.mjtJoint, mujoco.mjtEq
+JOINT = mujoco.mjtJoint
 
 
 def refuse_uncovered(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
@@ -235,14 +219,6 @@ def refuse_gravity(model: mujoco.MjModel, plane: MotionPlane) -> None:
     gravity = model.opt.gravity
     if abs(gravity @ plane.normal) > PARALLEL_TOLERANCE * np.linalg.norm(gravity):
         raise Unsupported(f"option gravity {gravity.tolist()} does not lie in the plane of motion")
-
-
-def refuse_wrench(model: mujoco.MjModel, actuator: int, wrench: Array, plane: MotionPlane) -> None:
-    """Raise `Unsupported` if a load (force and moment, (2, 3)) leaves the plane of motion."""
-    across = np.append(wrench[0] @ plane.normal, plane.flat(wrench[1]))
-    if np.abs(across).max() > PARALLEL_TOLERANCE * np.abs(wrench).max():
-        name = model.actuator(actuator).name
-        raise Unsupported(f"the load of actuator '{name}' leaves the plane of motion")
 
 
 def _uncovered_bodies(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
@@ -290,23 +266,85 @@ def _uncovered_on_free(model: mujoco.MjModel, body: int, driven: tuple[int, ...]
                 yield f"{what} of {name}, which is free in the plane"
 
 
-def servo_gains(model: mujoco.MjModel, j: int) -> tuple[float, float]:
-    """Stiffness and damping that servos, the actuators which follow joint j, give to it."""
-    gains = [
-        -(gear_of(model, a)[0] ** 2) * model.actuator_biasprm[a, 1:3]
-        for a in actuators_on(model, j)
-        if is_linear_in_joint(model, a)
-    ]
-    stiffness, damping = np.sum(gains, axis=0) if gains else (0.0, 0.0)
-    return float(stiffness), float(damping)
+@dataclass(frozen=True)
+class LinkProjection:
+    """Links in space, of which the ground is the first, as links in a plane, where it is the last.
 
+    Attributes
+    ----------
+    plane : MotionPlane
+    centre : ndarray (links, 2)
+        Centres of the links in the plane [m].
+    """
 
-def is_site_load(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether an actuator is a load on a site, in a frame of the ground or of the site itself."""
-    if int(model.actuator_trntype[actuator]) != mujoco.mjtTrn.mjTRN_SITE:
-        return False
-    frame = model.actuator_trnid[actuator, 1]
-    return bool(frame < 0 or model.body_weldid[model.site_bodyid[frame]] == 0)
+    plane: MotionPlane
+    centre: Array
+
+    def place(self, link: int, at: Array) -> tuple[int, Array]:
+        """The number of a link in the plane, and a point relative to its centre [m]."""
+        k = (link - 1) % len(self.centre)
+        return k, self.plane.flat(at) - self.centre[k]
+
+    def joint(self, one: NeutralJoint, of_child: Sequence[NeutralJoint]) -> LinkJoint:
+        """A hinge or slide, one of the joints of its child.
+
+        The anchors of a slide are chosen so that Chipmunk's groove does not couple sliding with
+        rotation.  The coordinates of a free body are those of the anchor of its hinge, which is the
+        last of its joints, and the rotation about it.
+        """
+        at, free = of_child[-1].anchor, len(of_child) > 1
+        (a, on_a), (b, on_b) = self.place(one.parent, at), self.place(one.child, at)
+        axis, sign = None, 1.0
+        if one.kind == "slide":
+            axis = self.plane.flat(one.axis)
+        else:
+            sign = float(np.sign(one.axis @ self.plane.normal))
+        if axis is not None and not free:
+            near, far = self.centre[a], self.centre[b]
+            foot = near + axis * (axis @ (far - near)) if one.parent else far
+            on_a, on_b = foot - near, foot - far
+        limits = one.limits and (one.limits[0] + STOP_MARGIN, one.limits[1] - STOP_MARGIN)
+        k, square, cube = one.spring.tolist()
+        return LinkJoint(
+            one.name,
+            LinkConstraint(one.name, a, b, on_a, on_b, axis),
+            one.value,
+            sign,
+            one.rate,
+            (k, square, cube),
+            one.rest,
+            one.damping,
+            float(one.force[0]),
+            limits,
+            one.friction,
+            not free,
+            one.servo,
+        )
+
+    def loop(self, one: NeutralLoop) -> LinkConstraint:
+        """A loop as a pin that closes it."""
+        (a, on_a), (b, on_b) = self.place(one.a, one.on_a), self.place(one.b, one.on_b)
+        return LinkConstraint(one.name, a, b, on_a, on_b)
+
+    def spring(self, one: NeutralSpring, extent: float) -> LinkSpring:
+        """A spring; raises `Unsupported` if its points are not in one parallel plane."""
+        if abs((one.on_a - one.on_b) @ self.plane.normal) > PARALLEL_TOLERANCE * extent:
+            raise Unsupported(f"tendon '{one.name}', whose sites differ in height over the plane")
+        (a, on_a), (b, on_b) = self.place(one.a, one.on_a), self.place(one.b, one.on_b)
+        numbers = one.stiffness, one.damping, one.slack, (one.body_a, one.body_b)
+        return LinkSpring(one.name, a, b, on_a, on_b, *numbers)
+
+    def load(self, one: NeutralLoad, share: float, model: mujoco.MjModel) -> LinkLoad:
+        """A load times `share`; raises `Unsupported` if it leaves the plane."""
+        force, moment = share * one.force, share * one.moment
+        across = np.append(force @ self.plane.normal, self.plane.flat(moment))
+        if np.abs(across).max() > PARALLEL_TOLERANCE * np.abs([force, moment]).max():
+            of = f"actuator '{model.actuator(one.actuator).name}'" if one.actuator >= 0 else ""
+            of = of or f"body '{model.body(one.body).name}'"
+            raise Unsupported(f"the load of {of} leaves the plane of motion")
+        link, at = self.place(one.link, one.at)
+        flat, about = self.plane.flat(force), float(self.plane.normal @ moment)
+        return LinkLoad(one.body, link, at, flat, about, one.follows, one.actuator)
 
 
 COINCIDENT_SHARE = 1e-6
@@ -347,32 +385,19 @@ def read_links(
         There is no such keyframe, or its pose leaves a loop open.
     """
     refuse_uncovered(model, driven)
-    data = _data_at_key(model, key)
-    if state:
-        data.qpos[:], data.qvel[:] = state
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fwdActuation(model, data)
-    plane = find_plane(model, data)
+    reader = ModelReader(model, key, driven, rods, state)
+    plane = find_plane(model, reader.data)
     refuse_gravity(model, plane)
-    roots = np.flatnonzero((model.body_weldid == np.arange(model.nbody)) & (model.body_jntnum > 0))
-    of_body = np.array(
-        [len(roots) if w == 0 else int(np.searchsorted(roots, w)) for w in model.body_weldid]
-    )
-    gravity = plane.flat(model.opt.gravity)
-    centre, mass, moment = link_inertias(model, data, plane, of_body, len(roots))
-    pulls = (
-        *_site_loads(model, data, plane, of_body, centre),
-        *_rod_loads(model, data, plane, of_body, centre, rods),
-    )
-    joints = tuple(
-        _read_joint(model, data, plane, of_body, centre, j, j in driven) for j in range(model.njnt)
-    )
-    loops = _read_loops(model, data, plane, of_body, centre)
+    neutral, gravity = tuple(reader.joints()), plane.flat(model.opt.gravity)
+    centre, mass, moment = link_inertias(tuple(reader.links()), neutral, plane)
+    project, of_body = LinkProjection(plane, centre), (reader.link_of - 1) % len(centre)
+    rows = [tuple(rows) for _, rows in groupby(neutral, attrgetter("child"))]
+    joints = tuple(project.joint(one, own) for own in rows for one in own)
+    loops = tuple(map(project.loop, reader.loops()))
     extent = _find_extent(joints, loops, centre, model)
     _check_closed(loops, centre, extent, model, key)
     return Links(
-        model,
-        data,
+        reader,
         plane,
         of_body,
         centre,
@@ -382,265 +407,56 @@ def read_links(
         joints,
         driven,
         loops,
-        tuple(_read_gears(model, joints)),
-        _read_springs(model, data, plane, of_body, centre, extent),
-        pulls,
+        tuple(flat_gear(one, joints) for one in reader.gears()),
+        tuple(project.spring(one, extent) for one in reader.springs()),
+        tuple(
+            project.load(one, float(one.share[0]), model)
+            for one in (*reader.loads(), *reader.rod_loads())
+        ),
         gravity,
         extent,
-        read_contacts(model, data, plane, of_body, centre, extent),
+        read_contacts(model, reader.data, plane, of_body, centre, extent),
     )
-
-
-def _data_at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
-    """Frames and motor forces at a keyframe; a model without keyframes starts at its zero pose."""
-    names = [model.key(k).name for k in range(model.nkey)]
-    data = mujoco.MjData(model)
-    if names:
-        if key not in names:
-            raise BadModel(f"no key '{key}'; the model has {', '.join(names)}")
-        mujoco.mj_resetDataKeyframe(model, data, names.index(key))
-    mujoco.mj_fwdPosition(model, data)
-    mujoco.mj_fwdActuation(model, data)
-    return data
-
-
-def _read_joint(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    plane: MotionPlane,
-    of_body: Array,
-    centre: Array,
-    j: int,
-    driven: bool,
-) -> LinkJoint:
-    """Joint j as a `LinkJoint`.
-
-    The anchors of a slide are chosen so that Chipmunk's groove does not couple sliding with
-    rotation.
-    """
-    body, qpos_index, dof = model.jnt_bodyid[j], model.jnt_qposadr[j], model.jnt_dofadr[j]
-    a, b = of_body[model.body_parentid[body]], of_body[body]
-    point, axis, sign = plane.flat(data.xanchor[j]), None, 1.0
-    free = bool(model.body_jntnum[body] > 1)
-    if free:  # the three coordinates are those of the hinge's anchor and the rotation about it
-        last = model.body_jntadr[body] + model.body_jntnum[body] - 1
-        point = plane.flat(data.xanchor[last])
-    if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE and free:
-        axis = plane.flat(data.xaxis[j])
-        constraint = LinkConstraint(
-            model.joint(j).name, a, b, point - centre[a], point - centre[b], axis
-        )
-    elif model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE:
-        axis = plane.flat(data.xaxis[j])
-        point = centre[b] if a == len(centre) - 1 else centre[a]
-        foot = point + axis * (axis @ (centre[b] - point))
-        constraint = LinkConstraint(
-            model.joint(j).name, a, b, foot - centre[a], foot - centre[b], axis
-        )
-    else:
-        sign = float(np.sign(data.xaxis[j] @ plane.normal))
-        constraint = LinkConstraint(model.joint(j).name, a, b, point - centre[a], point - centre[b])
-    limited = model.jnt_limited[j] and not driven
-    stiffness, damping = (0.0, 0.0) if driven else servo_gains(model, j)
-    return LinkJoint(
-        constraint.name,
-        constraint,
-        float(data.qpos[qpos_index]),
-        sign,
-        float(data.qvel[dof]),
-        _spring_coefficients(model, j),
-        float(model.qpos_spring[qpos_index]),
-        float(model.dof_damping[dof]) + damping,
-        0.0 if driven else _constant_load(model, data, j),
-        tuple(model.jnt_range[j] + [STOP_MARGIN, -STOP_MARGIN]) if limited else None,
-        float(model.dof_frictionloss[dof]),
-        not free,
-        stiffness,
-    )
-
-
-def _constant_load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
-    """Constant moment or force of the actuators on joint j, clipped to its range of forces.
-
-    The part of servos is their force at zero rate and at the value where the joint's spring is
-    slack.
-    """
-    own = -servo_gains(model, j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
-    for a in actuators_on(model, j):
-        out = model.actuator_outadr[a]
-        force = data.actuator_force[out]
-        if is_linear_in_joint(model, a):
-            state = data.actuator_length[out], data.actuator_velocity[out]
-            force = force - model.actuator_biasprm[a, 1:3] @ state
-        own += float(force * gear_of(model, a)[0])
-    return float(np.clip(own, *model.jnt_actfrcrange[j])) if model.jnt_actfrclimited[j] else own
-
-
-def link_load_of(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    a: int,
-    force: float,
-    plane: MotionPlane,
-    of_body: Array,
-    centre: Array,
-) -> LinkLoad | None:
-    """The load of actuator a on a site, for a given force [N]; None for a site of the ground."""
-    site, frame = model.actuator_trnid[a]
-    follows, frame = frame < 0, site if frame < 0 else frame
-    turn = data.site_xmat[frame].reshape(3, 3).T
-    wrench = force * (gear_of(model, a).reshape(2, 3) @ turn)
-    refuse_wrench(model, a, wrench, plane)
-    link = of_body[model.site_bodyid[site]]
-    if link == len(centre) - 1:
-        return None
-    return LinkLoad(
-        int(model.site_bodyid[site]),
-        link,
-        plane.flat(data.site_xpos[site]) - centre[link],
-        plane.flat(wrench[0]),
-        float(plane.normal @ wrench[1]),
-        bool(follows),
-        a,
-    )
-
-
-def _site_loads(
-    model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
-) -> tuple[LinkLoad, ...]:
-    """The loads of all actuators on sites, with their present forces."""
-    pulls = []
-    for a in filter(partial(is_site_load, model), range(model.nactuator)):
-        force = float(data.actuator_force[model.actuator_outadr[a]])
-        if pull := link_load_of(model, data, a, force, plane, of_body, centre):
-            pulls.append(pull)
-    return tuple(pulls)
-
-
-def _rod_loads(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    plane: MotionPlane,
-    of_body: Array,
-    centre: Array,
-    rods: Sequence[Rod],
-) -> Iterator[LinkLoad]:
-    """The constant loads of rods; raises `Unsupported` if one leaves the plane."""
-    for body, force in dead_loads(model, rods):
-        link = of_body[body]
-        if abs(force @ plane.normal) > PARALLEL_TOLERANCE * np.linalg.norm(force):
-            raise Unsupported(
-                f"the load of body '{model.body(body).name}' leaves the plane of motion"
-            )
-        if link < len(centre) - 1:
-            point = plane.flat(data.xipos[body]) - centre[link]
-            yield LinkLoad(body, link, point, plane.flat(force), 0.0)
-
-
-def _read_springs(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    plane: MotionPlane,
-    of_body: Array,
-    centre: Array,
-    extent: float,
-) -> tuple[LinkSpring, ...]:
-    """The tendons as springs; raises `Unsupported` if the sites are not in one parallel plane."""
-    found = []
-    for t in range(model.ntendon):
-        sites, name = straight_tendon(model, t), model.tendon(t).name
-        assert sites is not None
-        points, bodies = data.site_xpos[list(sites)], model.site_bodyid[list(sites)]
-        if abs((points[0] - points[1]) @ plane.normal) > PARALLEL_TOLERANCE * extent:
-            raise Unsupported(f"tendon '{name}', whose sites differ in height over the plane")
-        a, b = of_body[bodies]
-        flat = plane.flat(points)
-        found.append(
-            LinkSpring(
-                name,
-                int(a),
-                int(b),
-                flat[0] - centre[a],
-                flat[1] - centre[b],
-                float(model.tendon_stiffness[t]),
-                float(model.tendon_damping[t]),
-                (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1])),
-                (int(bodies[0]), int(bodies[1])),
-            )
-        )
-    return tuple(found)
 
 
 def with_controls(links: Links, loads: Sequence[str], controls: Array) -> Links:
     """The links with other controls of the actuators `loads`."""
-    model, data = links.model, copy(links.data)
-    for name, control in zip(loads, controls.tolist(), strict=True):
-        data.ctrl[model.actuator_ctrladr[model.actuator(name).id]] = control
-    mujoco.mj_fwdActuation(model, data)
-    pulls = _site_loads(model, data, links.plane, links.of_body, links.centre)
+    reader = links.reader.with_controls(loads, controls)
+    project = LinkProjection(links.plane, links.centre)
+    pulls = (project.load(one, float(one.share[0]), links.model) for one in reader.loads())
     joints = tuple(
-        joint if j in links.driven else replace(joint, load=_constant_load(model, data, j))
+        joint
+        if j in links.driven
+        else replace(joint, load=float(reader.actuation(j, joint.rest)[2][0]))
         for j, joint in enumerate(links.joints)
     )
-    dead = tuple(pull for pull in links.pulls if pull.actuator < 0)
-    return replace(links, data=data, joints=joints, pulls=(*pulls, *dead))
-
-
-def _spring_coefficients(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:
-    """Coefficients (k, a, b) of the spring of joint j, as in `LinkJoint`."""
-    square, cube = model.jnt_stiffnesspoly[j].tolist()
-    return float(model.jnt_stiffness[j]), square, cube
-
-
-def _read_loops(
-    model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
-) -> tuple[LinkConstraint, ...]:
-    """The ``<connect>`` equalities as pins that close loops."""
-    loops = []
-    for e in active_connects(model):
-        ids = (model.eq_obj1id[e], model.eq_obj2id[e])
-        if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
-            points, bodies = data.site_xpos[list(ids)], model.site_bodyid[list(ids)]
-        else:
-            bodies = np.array(ids)
-            local = model.eq_data[e, :6].reshape(2, 3)
-            points = data.xpos[bodies] + np.einsum(
-                "bij,bj->bi", data.xmat[bodies].reshape(-1, 3, 3), local
-            )
-        a, b = of_body[bodies]
-        flat = plane.flat(points)
-        loops.append(
-            LinkConstraint(equality_name(model, e), a, b, flat[0] - centre[a], flat[1] - centre[b])
-        )
-    return tuple(loops)
+    dead = (pull for pull in links.pulls if pull.actuator < 0)
+    return replace(links, reader=reader, joints=joints, pulls=(*pulls, *dead))
 
 
 STILL_RATIO = 1e-12
 """Ratio of a gear below which it is rounding of 0: Chipmunk divides by the ratio."""
 
 
-def _read_gears(model: mujoco.MjModel, joints: tuple[LinkJoint, ...]) -> Iterator[LinkGear]:
-    """The joint equalities as gears.
+def flat_gear(gear: NeutralGear, joints: Sequence[LinkJoint]) -> LinkGear:
+    """A gear of two joints as one of their links.
 
     With the turns A and B of both joints' links since the start, an equality of two joints on the
     ground is A = r B - phase.  A planet on an arm B turns by A - B relative to it, so that
     A = (1 + r) B - phase; with r = -1 it keeps its direction, and is geared to the ground.
     """
-    for e in np.flatnonzero(model.eq_active0 & (model.eq_type == EQ.mjEQ_JOINT)):
-        one, two = (joints[j] for j in (model.eq_obj1id[e], model.eq_obj2id[e]))
-        zeros = model.qpos0[model.jnt_qposadr[[model.eq_obj1id[e], model.eq_obj2id[e]]]]
-        level, slope = model.eq_data[e, :2].tolist()
-        lacks = one.value - zeros[0] - level - slope * (two.value - zeros[1])
-        ratio, phase = slope * one.sign * two.sign, float(one.sign * lacks)
-        (ground, a), (other, b) = ((one.constraint.a, one.constraint.b) for one in (one, two))
-        if ground == b:  # `one` is the planet's joint
-            ground, ratio = other, 1.0 + ratio
-        elif other == a:  # `two` is: (1 + r) A = r B - phase
-            a, b = b, a
-            ratio, phase = (1.0 + ratio) / ratio, -phase / ratio
-        if abs(ratio) < STILL_RATIO:
-            b, ratio = ground, 1.0
-        yield LinkGear(equality_name(model, e), a, b, ratio, phase)
+    one, two = joints[gear.one], joints[gear.two]
+    lacks = one.value - gear.level - gear.ratio * two.value
+    ratio, phase = gear.ratio * one.sign * two.sign, float(one.sign * lacks)
+    (ground, a), (other, b) = ((one.constraint.a, one.constraint.b) for one in (one, two))
+    if ground == b:  # `one` is the planet's joint
+        ground, ratio = other, 1.0 + ratio
+    elif other == a:  # `two` is: (1 + r) A = r B - phase
+        a, b = b, a
+        ratio, phase = (1.0 + ratio) / ratio, -phase / ratio
+    if abs(ratio) < STILL_RATIO:
+        b, ratio = ground, 1.0
+    return LinkGear(gear.name, a, b, ratio, phase)
 
 
 def _find_extent(

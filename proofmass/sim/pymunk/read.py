@@ -245,11 +245,7 @@ def _force_sensor(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor | st
     loaded = [pull.body for pull in links.pulls if pull.actuator >= 0]
     if of_joint and np.isin(loaded, bodies_carried_by(model, model.jnt_bodyid[joint])).any():
         return "what loads on sites do to a joint is not rebuilt for pymunk"
-    force = (
-        links.joints[joint].load
-        if of_joint
-        else float(links.data.actuator_force[model.actuator_outadr[obj]])
-    )
+    force = links.joints[joint].load if of_joint else float(links.reader.actuator_force(obj)[0])
     return Sensor(0, ConstantValue(force))
 
 
