@@ -912,6 +912,17 @@ def engines_command(
         Path,
         typer.Option("--output", "-o", help="Folder for the page, the table and finished runs."),
     ] = Path("engines"),
+    cost: Annotated[
+        bool,
+        typer.Option("--cost", help="Rank the engines at equal cost: error over processor time."),
+    ] = False,
+    budget: Annotated[
+        float,
+        typer.Option(
+            help="Processor time of a run after which no finer setting is tried, of --cost.",
+            metavar="SECONDS",
+        ),
+    ] = 0.5,
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     jobs: Jobs = None,
     dask: Dask = None,
@@ -920,13 +931,15 @@ def engines_command(
     """List the engines, or run the motions in time of cases in several of them.
 
     The list says which engines run here, which uv has fetched, and what each can express. A table
-    of cases has the error of each engine against the reference, or why it has none. Every run is
-    stored: the same command goes on where it was stopped. Exit code 0: done; 2: bad input, also if
-    other cases were run.
+    of cases has the error of each engine against the reference, or why it has none. With --cost
+    each engine is run with many settings, and ranked by the time that it needs for an error. Every
+    run is stored: the same command goes on where it was stopped. Exit code 0: done; 2: bad input,
+    also if other cases were run.
     """
     from proofmass.commands.engines import run_engines
 
-    raise typer.Exit(run_engines(paths or [], engine or [], output, jobs, dask, json))
+    words = paths or [], engine or [], output, jobs, dask, json, cost, budget
+    raise typer.Exit(run_engines(*words))
 
 
 @app.command("versions")

@@ -10,9 +10,11 @@ from rich.table import Table
 
 from proofmass.base.errors import BAD_INPUT
 from proofmass.base.files import write_output
-from proofmass.base.wording import format_list
+from proofmass.base.json_values import replace_nonfinite
+from proofmass.base.wording import format_list, number
 from proofmass.batch.check import family_of
 from proofmass.batch.pool import pool
+from proofmass.case.case import Case
 from proofmass.commands.command import (
     error_console,
     exit_on_error,
@@ -20,17 +22,33 @@ from proofmass.commands.command import (
     progress_bar,
     provide_engines,
 )
-from proofmass.commands.studies import read_cases
+from proofmass.commands.studies import read_cases, require_seconds
 from proofmass.formats.terminal import make_console
-from proofmass.sim.engines import NoEngine, engine_names, engine_of, hosted_names
+from proofmass.run.asked import with_engines
+from proofmass.sim.engines import (
+    NoEngine,
+    engine_names,
+    engine_of,
+    format_solver,
+    hosted_names,
+)
 from proofmass.sim.hosts.engine import HostedEngine
 from proofmass.sim.hosts.process import is_fetched
 from proofmass.studies.cells import CellResult, cells_of, measure_cells
+from proofmass.studies.engines.cost import (
+    RANKED_ERRORS,
+    EngineCosts,
+    cost_record,
+    measure_costs,
+    write_costs,
+)
 from proofmass.studies.engines.summary import summarize_engine
 from proofmass.studies.store import Store
 from proofmass.studies.study import Study
-from proofmass.verdict.outcome import NOT_RUN_OUTCOMES
+from proofmass.studies.trade.trade import SERIES_BUDGET
+from proofmass.verdict.outcome import NOT_RUN_OUTCOMES, Outcome
 
+TEXT_COLUMNS = "engine", "not reached"
 ALL_ENGINES = "all"
 """The name that stands for all engines that compute."""
 
@@ -66,6 +84,8 @@ def run_engines(
     jobs: int | None,
     dask: str | None,
     as_json: bool,
+    cost: bool = False,
+    budget: float = SERIES_BUDGET,
 ) -> int:
     """Run ``proofmass engines``; `proofmass.commands.cli` describes its arguments.
 
@@ -76,11 +96,14 @@ def run_engines(
     """
     if not paths:
         with exit_on_error("nothing is written"):
+            if cost:
+                raise ValueError("--cost ranks engines in cases: give sidecars or folders")
             show_list(list_engines(), as_json)
         return 0
     with exit_on_error(f"{output} keeps the runs"):
         from proofmass.studies.engines.page import write_engines  # loads the report
 
+        budget = require_seconds("--budget", budget)
         asked = provide_engines(named_engines(engines))
         cases, faults = read_cases(paths)
         print_errors(faults)
@@ -96,13 +119,56 @@ def run_engines(
         }
         text = json.dumps(data, indent=1, allow_nan=False)
         write_output(output / "engines.json", text)
-        page = write_engines(output, output)
+        costs = None
+        if cost:
+            started = {one.case for one in results if one.outcome != Outcome.NO_START}
+            ranked = [case for case in cases if case.name in started]
+            costs = compare_costs(ranked, asked, study, jobs, dask, budget)
+            write_costs(costs, output)
+        page, exit_code = write_engines(output, output), BAD_INPUT if faults else 0
         if as_json:
-            print(text)
-        else:
-            make_console().print(engine_table(asked, results))
-            print(page.first)
-    return BAD_INPUT if faults else 0
+            shown = data | ({"cost": cost_record(costs)} if costs else {})
+            print(json.dumps(replace_nonfinite(shown), indent=1, allow_nan=False))
+            return exit_code
+        make_console().print(engine_table(asked, results))
+        if costs:
+            show_costs(costs)
+        print(page.first)
+    return exit_code
+
+
+def compare_costs(
+    cases: Sequence[Case],
+    asked: tuple[str, ...],
+    study: Study,
+    jobs: int | None,
+    dask: str | None,
+    budget: float,
+) -> EngineCosts:
+    """Compare engines at equal cost, with a progress bar."""
+    with pool(jobs, dask) as workers, progress_bar(max_letters=40) as advance:
+        working = replace(study, workers=workers, progress=advance)
+        return measure_costs([with_engines(case, asked) for case in cases], working, budget=budget)
+
+
+def show_costs(costs: EngineCosts) -> None:
+    """Print the ranks of engines at equal cost for each error, by their errors of positions."""
+    kind = costs.kinds[0] if costs.kinds else ""
+    for error in RANKED_ERRORS if kind else ():
+        table = Table(box=None, header_style="bold", pad_edge=False)
+        table.title, table.title_justify = f"time for an error of {number(error)}, {kind}", "left"
+        for name in ("rank", "engine", "x first", "first in", "reached in", "not reached"):
+            table.add_column(name, justify="left" if name in TEXT_COLUMNS else "right")
+        for one in costs.ranked(kind, error):
+            table.add_row(
+                f"{one.rank or '–'}{'≈' * bool(one.tied)}",
+                format_solver(one.engine),
+                number(one.ratio.stated, 2),
+                str(one.first),
+                f"{one.reached} of {one.cases}",
+                "; ".join(f"{state} in {', '.join(some)}" for state, some in one.lost.items()),
+            )
+        make_console().print(table)
 
 
 def named_engines(engines: Sequence[str]) -> list[str]:

@@ -4,17 +4,33 @@ Their scripts are in `proofmass/sim/hosts/scripts`.  MuJoCo in other versions, M
 read the MJCF themselves and are in `proofmass.sim.mujoco.hosted`.
 """
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, model_validator
 
 from proofmass.base.strict import Count, StrictNumber
 from proofmass.sim.hosts.engine import About, HostedEngine, HostedSettings, SteppedSettings
+from proofmass.sim.protocol.part import LoadedPart
+
+if TYPE_CHECKING:
+    from proofmass.sim.protocol.tuning import Tuning
 
 NUMPY = "numpy==2.4.6"
 """What scripts need beside an engine that does not need it itself."""
 NO_ROTATION_IN_SPACE = "ball joint", "free joint"
 """Joints that an engine of the plane has not."""
+
+
+class SteppedEngine(HostedEngine):
+    """An engine with steps of a given length, whose schemes and defaults studies try as well."""
+
+    tuning: LoadedPart["Tuning"] = LoadedPart("proofmass.sim.hosts.tried_settings:SteppedTuning")
+
+
+class AccurateEngine(HostedEngine):
+    """An engine that chooses its steps by an accuracy, which studies vary."""
+
+    tuning: LoadedPart["Tuning"] = LoadedPart("proofmass.sim.hosts.tried_settings:AccuracyTuning")
 
 
 class IteratedSettings(SteppedSettings):
@@ -69,7 +85,7 @@ class DrakeSettings(SteppedSettings):
         return values | ({"reading": "plain"} if values.get("scheme") == "continuous" else {})
 
 
-PYMUNK = HostedEngine(
+PYMUNK = SteppedEngine(
     "pymunk_plain.py",
     ("pymunk==7.3.1", NUMPY),
     title="pymunk",
@@ -83,7 +99,7 @@ PYMUNK = HostedEngine(
     planar=True,
     oldest="6.4.0",
 )
-PINOCCHIO = HostedEngine(
+PINOCCHIO = SteppedEngine(
     "pinocchio.py",
     ("pin==4.1.0",),
     title="Pinocchio",
@@ -95,7 +111,7 @@ PINOCCHIO = HostedEngine(
     ),
     settings=PinocchioSettings,
 )
-SIMBODY = HostedEngine(
+SIMBODY = AccurateEngine(
     "simbody.py",
     ("opensim==4.6",),
     title="Simbody",
@@ -107,7 +123,7 @@ SIMBODY = HostedEngine(
     ),
     settings=SimbodySettings,
 )
-EXUDYN = HostedEngine(
+EXUDYN = SteppedEngine(
     "exudyn.py",
     ("exudyn==1.13.6",),
     title="Exudyn",
@@ -118,7 +134,7 @@ EXUDYN = HostedEngine(
     ),
     settings=ExudynSettings,
 )
-DRAKE = HostedEngine(
+DRAKE = SteppedEngine(
     "drake.py",
     ("drake==1.51.1",),
     title="Drake",
@@ -129,7 +145,7 @@ DRAKE = HostedEngine(
     ),
     settings=DrakeSettings,
 )
-BULLET = HostedEngine(
+BULLET = SteppedEngine(
     "bullet.py",
     ("pybullet==3.2.7", NUMPY),
     title="Bullet",
@@ -140,7 +156,7 @@ BULLET = HostedEngine(
     ),
     settings=IteratedSettings,
 )
-DART = HostedEngine(
+DART = SteppedEngine(
     "dart.py",
     ("dartpy==6.20.0",),
     title="DART",
@@ -151,7 +167,7 @@ DART = HostedEngine(
     ),
     settings=SteppedSettings,
 )
-BOX2D = HostedEngine(
+BOX2D = SteppedEngine(
     "box2d.py",
     ("box2d==2.3.10", NUMPY),
     title="Box2D",

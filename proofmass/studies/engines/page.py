@@ -19,6 +19,8 @@ from proofmass.report.study import (
 )
 from proofmass.sim.engines import format_solver
 from proofmass.studies.cells import CHANNEL_KINDS, OTHER_KIND, CellResult, format_one_digit
+from proofmass.studies.engines.cost import COST_TABLE
+from proofmass.studies.engines.cost_page import write_cost_page
 from proofmass.studies.engines.summary import summarize_engine
 from proofmass.verdict.outcome import Outcome
 
@@ -80,6 +82,7 @@ def write_engines(folder: Path | str, output: Path | str, home: str = "") -> Stu
         for case, run in cases
     ]
     prepare_folder(output, (file,))
+    costs = (Path(folder) / COST_TABLE).is_file() and write_cost_page(Path(folder), output, home)
     kinds = list(dict.fromkeys(kind for *_, kind, _ in rows if kind))
     page = PageWriter(output, home).write(
         "index.html",
@@ -95,6 +98,7 @@ def write_engines(folder: Path | str, output: Path | str, home: str = "") -> Stu
         legend=[(dot_radius(10.0**decade), f"1e{decade}") for decade in (-12, -9, -6, -3, -1)],
         readings=readings_of(results),
         table=ENGINES_TABLE,
+        costs=costs.name if costs else "",
     )
     return StudyPages(page, {case: f"index.html#{slug(case)}" for case, _ in cases})
 

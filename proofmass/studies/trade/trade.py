@@ -19,6 +19,7 @@ from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from math import inf, isnan, nan
 from pathlib import Path
+from typing import NamedTuple
 
 from proofmass.base.errors import InputError
 from proofmass.base.files import write_output
@@ -37,6 +38,7 @@ from proofmass.studies.trade.case_series import CaseSeries, MeasuredSetting
 from proofmass.studies.trade.choose import is_default
 from proofmass.studies.trade.disturbed import (
     ROUNDING_CAUSE_SHARE,
+    DisturbedMotion,
     disturb_motions,
     end_at_horizon,
     measure_rounding,
@@ -113,22 +115,41 @@ def trade(
     """
     with study.working() as working:
         study = replace(working, longest=study.longest or DEFAULT_LONGEST_RUN)
-        cases = list(cases)
-        kinds = [kind_to_study(case, kind) for case in cases]
-        motions = disturb_motions(cases, kinds, study)
-        cases = [end_at_horizon(*each) for each in zip(cases, kinds, motions, strict=True)]
-        all_series = [
-            CaseSeries(case, which, MeasuredSeries(series), motion)
-            for case, which, motion in zip(cases, kinds, motions, strict=True)
-            for series in list_series(case, which)
-        ]
-        refine_series(all_series, study, budget)
-        rows = time_settings(all_series, study, budget, repeats)
-        examining_rows = examine_floors(all_series, study)
+        found = measure_series(cases, study, kind, budget, repeats)
+        examining_rows = examine_floors(found.series, study)
         verdicts = [
-            judge_series(one, error, budget) for one in all_series for error in one.measured.kinds
+            judge_series(one, error, budget) for one in found.series for error in one.measured.kinds
         ]
-        return Trade(rows, examining_rows, verdicts, cases)
+        return Trade(found.rows, examining_rows, verdicts, found.cases)
+
+
+class SeriesOfCases(NamedTuple):
+    """The convergence series of cases: the cases, up to their horizons, how each motion responds to
+    a disturbed start, all series, and the rows of their settings."""
+
+    cases: list[Case]
+    motions: list[DisturbedMotion | None]
+    series: list[CaseSeries]
+    rows: list[StudyRow]
+
+
+def measure_series(
+    cases: Iterable[Case], study: Study, kind: Kind | None, budget: float, repeats: int
+) -> SeriesOfCases:
+    """Measure errors and processor times of all convergence series of cases; see `trade`."""
+    cases = list(cases)
+    kinds = [kind_to_study(case, kind) for case in cases]
+    motions = disturb_motions(cases, kinds, study)
+    cases = [end_at_horizon(*each) for each in zip(cases, kinds, motions, strict=True)]
+    all_series = [
+        CaseSeries(case, which, MeasuredSeries(series), motion)
+        for case, which, motion in zip(cases, kinds, motions, strict=True)
+        for series in list_series(case, which)
+    ]
+    refine_series(all_series, study, budget)
+    return SeriesOfCases(
+        cases, motions, all_series, time_settings(all_series, study, budget, repeats)
+    )
 
 
 def refine_series(all_series: Sequence[CaseSeries], study: Study, budget: float) -> None:
