@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -320,6 +321,41 @@ def find_channel(model: mujoco.MjModel, name: str) -> tuple[int, str]:
     if part not in (*sensor_parts(model, s), *angle):
         raise BadModel(f"no channel '{name}'; use {format_parts(model, s)}")
     return s, part
+
+
+FRAME_FIELDS = {
+    OBJ.mjOBJ_SITE: ("site_xpos", "site_xmat", "site_bodyid"),
+    OBJ.mjOBJ_GEOM: ("geom_xpos", "geom_xmat", "geom_bodyid"),
+    OBJ.mjOBJ_BODY: ("xipos", "ximat", ""),
+    OBJ.mjOBJ_XBODY: ("xpos", "xmat", ""),
+}
+"""By type of an object its position and orientation in a state, and its body in the model."""
+
+
+@dataclass(frozen=True)
+class MeasuredFrame:
+    """The frame of an object that a sensor measures: its type, its number, and its body."""
+
+    of: mujoco.mjtObj
+    number: int
+    body: int
+
+    def place(self, data: mujoco.MjData) -> Array:
+        """Its position (3,) in a state [m]."""
+        return np.asarray(getattr(data, FRAME_FIELDS[self.of][0])[self.number])
+
+    def axes(self, data: mujoco.MjData) -> Array:
+        """Its axes in a state, columns of a matrix (3, 3) [1]."""
+        return np.asarray(getattr(data, FRAME_FIELDS[self.of][1])[self.number].reshape(3, 3))
+
+
+def sensor_frame(model: mujoco.MjModel, s: int) -> MeasuredFrame | None:
+    """The frame of the object of sensor number s; None for an object without a frame."""
+    of, number = OBJ(int(model.sensor_objtype[s])), int(model.sensor_objid[s])
+    if of not in FRAME_FIELDS:
+        return None
+    bodies = FRAME_FIELDS[of][2]
+    return MeasuredFrame(of, number, int(getattr(model, bodies)[number]) if bodies else number)
 
 
 def joint_sensor_unit(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | None:

@@ -30,6 +30,7 @@ from proofmass.sim.contents import (
     anchor_bodies,
     anchors,
     pose_of,
+    sensor_frame,
     sensor_names,
 )
 from proofmass.sim.mujoco.model import load
@@ -48,13 +49,7 @@ ROUNDING = 1e-13  # share of the size, or rad, by which poses may deviate
 NEWTON_STEPS = 4  # number of steps of Newton's method
 # [rad, or share of the size] largest deviation for a linear step: its square is 2e-3
 MAX_LINEAR_DEVIATION = 0.05
-J, S, OBJ = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
-FRAME_FIELDS = {
-    OBJ.mjOBJ_SITE: ("site_xpos", "site_xmat"),
-    OBJ.mjOBJ_GEOM: ("geom_xpos", "geom_xmat"),
-    OBJ.mjOBJ_XBODY: ("xpos", "xmat"),
-    OBJ.mjOBJ_BODY: ("xipos", "ximat"),
-}
+J, S = mujoco.mjtJoint, mujoco.mjtSensor
 Curve = Mapping[str, Array]
 Measured = Mapping[str, tuple[Curve, Curve]]
 """By solver: the reference's curves, and the solver's differences to them, at the run's x [SI]."""
@@ -501,11 +496,7 @@ class MovingScene(PictureScene):
         if name not in sensor_names(model):
             return None
         s = sensor_names(model).index(name)
-        kind, of, number = (
-            S(int(model.sensor_type[s])),
-            OBJ(int(model.sensor_objtype[s])),
-            int(model.sensor_objid[s]),
-        )
+        kind, number = S(int(model.sensor_type[s])), int(model.sensor_objid[s])
         if kind == S.mjSENS_JOINTPOS:
             slide = model.jnt_type[number] == J.mjJNT_SLIDE
             unit = np.eye(model.nv)[model.jnt_dofadr[number]]
@@ -514,18 +505,15 @@ class MovingScene(PictureScene):
                 self.size if slide else 1.0,
                 not slide,
             )
-        if of not in FRAME_FIELDS or model.sensor_refid[s] >= 0:
+        frame = sensor_frame(model, s)
+        if frame is None or model.sensor_refid[s] >= 0:
             return None
-        place, frame = FRAME_FIELDS[of]
-        body = {OBJ.mjOBJ_SITE: model.site_bodyid, OBJ.mjOBJ_GEOM: model.geom_bodyid}.get(
-            of, np.arange(model.nbody)
-        )[number]
         if kind == S.mjSENS_FRAMEPOS and part in ("x", "y", "z"):
             axis = "xyz".index(part)
             return Gauge(
                 lambda data: (
-                    float(getattr(data, place)[number][axis]),
-                    self.jacobian(body, getattr(data, place)[number])[0][axis],
+                    float(frame.place(data)[axis]),
+                    self.jacobian(frame.body, frame.place(data))[0][axis],
                 ),
                 self.size,
                 False,
@@ -533,8 +521,8 @@ class MovingScene(PictureScene):
         if kind == S.mjSENS_FRAMEXAXIS and part == "angle":
 
             def angle(data: mujoco.MjData) -> tuple[float, Array]:
-                across, up = self.plane.flat(getattr(data, frame)[number].reshape(3, 3)[:, 0])
-                turn = self.jacobian(body, getattr(data, place)[number])[1]
+                across, up = self.plane.flat(frame.axes(data)[:, 0])
+                turn = self.jacobian(frame.body, frame.place(data))[1]
                 return float(np.arctan2(up, across)), self.plane.normal @ turn
 
             return Gauge(angle, 1.0, True)

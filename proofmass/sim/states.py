@@ -15,6 +15,7 @@ from proofmass.sim.contents import (
     gear_of_force,
     is_linear_in_joint,
     joint_of,
+    sensor_frame,
     straight_tendon,
 )
 from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
@@ -261,27 +262,19 @@ class StateCurves:
 
     def frame_channel(self, s: int, kind: mujoco.mjtSensor, part: str) -> Array | None:
         """The curve of a position, a direction, a quaternion or a rate of a frame."""
-        model, data, obj = self.reader.model, self.reader.data, self.reader.model.sensor_objid[s]
-        frames = {
-            OBJ.mjOBJ_SITE: (model.site_bodyid, data.site_xpos, data.site_xmat),
-            OBJ.mjOBJ_GEOM: (model.geom_bodyid, data.geom_xpos, data.geom_xmat),
-            OBJ.mjOBJ_BODY: (np.arange(model.nbody), data.xipos, data.ximat),
-            OBJ.mjOBJ_XBODY: (np.arange(model.nbody), data.xpos, data.xmat),
-        }
-        found = frames.get(OBJ(int(model.sensor_objtype[s])))
-        if found is None:
+        frame, data = sensor_frame(self.reader.model, s), self.reader.data
+        if frame is None:
             return None
-        bodies, places, axes = found
-        link, at, own = int(self.reader.link_of[bodies[obj]]), places[obj], axes[obj]
+        link, at, own = int(self.reader.link_of[frame.body]), frame.place(data), frame.axes(data)
         if kind in POINT_SENSORS:
             return self.point(link, at)[POINT_SENSORS[kind]][:, "xyz".index(part)]
         if kind in AXIS_SENSORS:
-            return self.direction(link, own.reshape(3, 3)[:, AXIS_SENSORS[kind]], part)
+            return self.direction(link, own[:, AXIS_SENSORS[kind]], part)
         if kind == S.mjSENS_FRAMEQUAT:
-            turn = self.states.turn[:, link] @ own.reshape(3, 3)
+            turn = self.states.turn[:, link] @ own
             quaternions = Rotation.from_matrix(turn).as_quat(scalar_first=True)
             start = np.empty(4)
-            mujoco.mju_mat2Quat(start, own)
+            mujoco.mju_mat2Quat(start, own.ravel())
             quaternions *= np.sign(quaternions[0] @ start) or 1.0
             return unwrap_quaternions(quaternions)[:, "wxyz".index(part)]
         if kind == S.mjSENS_GYRO:

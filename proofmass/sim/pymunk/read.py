@@ -12,6 +12,7 @@ from proofmass.sim.contents import (
     gear_of_force,
     is_linear_in_joint,
     joint_of,
+    sensor_frame,
 )
 from proofmass.sim.plane import MotionPlane
 from proofmass.sim.protocol.failures import BadModel
@@ -297,20 +298,13 @@ def _frame_function(links: Links, s: int, part: str) -> PoseFunction:
 
 def _sensor_frame(links: Links, s: int) -> tuple[int, Array, float, Array]:
     """Link, point on it, height over the plane and orientation (3, 3) of the object of sensor s."""
-    model, data, obj = links.model, links.data, links.model.sensor_objid[s]
-    place = {
-        OBJ.mjOBJ_SITE: (model.site_bodyid, data.site_xpos, data.site_xmat),
-        OBJ.mjOBJ_GEOM: (model.geom_bodyid, data.geom_xpos, data.geom_xmat),
-        OBJ.mjOBJ_BODY: (np.arange(model.nbody), data.xipos, data.ximat),
-        OBJ.mjOBJ_XBODY: (np.arange(model.nbody), data.xpos, data.xmat),
-    }
-    kind = OBJ(int(model.sensor_objtype[s]))
-    if kind not in place:
-        raise BadModel(f"sensor '{model.sensor(s).name}': object type {kind.name[6:].lower()}")
-    bodies, points, turns = place[kind]
-    link, point = links.of_body[bodies[obj]], points[obj]
+    frame = sensor_frame(links.model, s)
+    if frame is None:
+        kind = OBJ(int(links.model.sensor_objtype[s])).name[6:].lower()
+        raise BadModel(f"sensor '{links.model.sensor(s).name}': object type {kind}")
+    link, point = links.of_body[frame.body], frame.place(links.data)
     local = links.plane.flat(point) - links.centre[link]
-    return link, local, float(point @ links.plane.normal), turns[obj].reshape(3, 3)
+    return link, local, float(point @ links.plane.normal), frame.axes(links.data)
 
 
 def kinetic_energy(links: Links, velocity: Array) -> Array:
