@@ -43,6 +43,16 @@ class IteratedSettings(SteppedSettings):
     iterations: Count = 2000
 
 
+class RapierSettings(SteppedSettings):
+    """Settings of Rapier: `iterations` over all joints in each step.
+
+    With 200, 500 and 2000 a four-bar is off by the same 1e-6 of the range, and a five-bar that
+    passes a singular pose by 2.5e-5, 1.1e-5 and 4e-6.
+    """
+
+    iterations: Count = 500
+
+
 class PinocchioSettings(HostedSettings):
     """Settings of Pinocchio, which has no time stepping: the classical RK4 of its script.
 
@@ -179,4 +189,16 @@ BOX2D = SteppedEngine(
     settings=IteratedSettings,
     lacks=NO_ROTATION_IN_SPACE,
     planar=True,
+)
+RAPIER = HostedEngine(
+    "rapier.py",
+    ("rapier3d==0.36.1", NUMPY),
+    title="Rapier",
+    about=About(
+        "impulses in single precision, semi-implicit Euler",
+        "Apache-2.0",
+        "500 iterations in one substep, without relaxation behind it; no body falls asleep",
+        "the package rapier on PyPI is another program; the bindings are rapier3d",
+    ),
+    settings=RapierSettings,
 )

@@ -11,6 +11,7 @@ It needs Python 3.9 and NumPy, and imports nothing of proofmass.  A script of an
 
 from .geometry import frame_of_axis, in_space, matrix_of, turn_about
 from .impulses import (
+    joint_motion,
     link_forces,
     slide_motion,
     start_of_links,
@@ -51,6 +52,7 @@ __all__ = [
     "frame_of_axis",
     "in_space",
     "in_time",
+    "joint_motion",
     "link_forces",
     "load_beside",
     "matrix_of",

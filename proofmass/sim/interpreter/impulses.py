@@ -74,6 +74,24 @@ def joint_forces(
         yield one.parent, place, -force, -moment
 
 
+def joint_motion(
+    mechanism: NeutralMechanism, joint: int, read: Callable[[int], LinkMotion], near: float = 0.0
+) -> tuple[float, float]:
+    """Coordinate, 0 at the start, and rate of a hinge or slide from the motions of its links.
+
+    The coordinate of a hinge is, of those that differ by full turns, the one next to `near` [rad].
+    """
+    one, ground = mechanism.joints[joint], (np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3))
+    if one.kind == "slide":
+        return slide_motion(mechanism, joint, read)
+    base, moving = (read(k) if k else ground for k in (one.parent, one.child))
+    turn = base[1].T @ moving[1]
+    skew = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    angle = float(np.arctan2(one.axis @ skew, np.trace(turn) - 1.0))
+    rate = float((moving[3] - base[3]) @ base[1] @ one.axis)
+    return angle + 2.0 * np.pi * round((near - angle) / (2.0 * np.pi)), rate
+
+
 def slide_motion(
     mechanism: NeutralMechanism, joint: int, read: Callable[[int], LinkMotion]
 ) -> tuple[float, float]:

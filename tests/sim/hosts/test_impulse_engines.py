@@ -1,4 +1,4 @@
-"""Bullet, DART, Box2D and plain pymunk in interpreters of their own: orders, forces, refusals.
+"""Bullet, DART, Box2D, Rapier and pymunk in interpreters of their own: orders, forces, refusals.
 
 Their steps are semi-implicit.  With rates in the middle of steps they are of second order, except
 for what depends on a rate that is half a step old: dampers, and Coriolis forces in coordinates of
@@ -29,7 +29,9 @@ PYMUNK = "pymunk==6.8.1"
 TREES = "bullet", "dart"
 """Engines in coordinates of joints, also in space."""
 DOUBLE = *TREES, PYMUNK
-ENGINES = *DOUBLE, "box2d"
+SINGLE = "box2d", "rapier"
+"""Engines in single precision."""
+ENGINES = *DOUBLE, *SINGLE
 ROD = """<mujoco><compiler angle="radian"/>
   <option gravity="0 -9.81 0" timestep="2e-3"><flag contact="disable"/></option>
   <worldbody><body name="rod"><joint name="hinge"/>
@@ -126,6 +128,14 @@ def test_a_reading_has_its_order(engine, reading, order, tmp_path):
     assert coarse / fine == pytest.approx(2.0**order, rel=0.05)
 
 
+@of("rapier")
+@pytest.mark.parametrize(("reading", "order"), [("half step", 2), ("plain", 1)])
+def test_a_reading_has_its_order_before_rounding(engine, reading, order, tmp_path):
+    # of 500 steps single precision leaves an error of 4e-5 rad, of 125 and 250 that of the step
+    coarse, fine = errors_of(engine, written(tmp_path, ROD), (4e-3, 2e-3), reading=reading)
+    assert coarse / fine == pytest.approx(2.0**order, rel=0.1)
+
+
 @of(*DOUBLE)
 def test_the_half_step_reading_is_better_by_orders(engine, tmp_path):
     file = written(tmp_path, ROD)
@@ -169,7 +179,7 @@ def test_two_drives_pass_a_singular_pose(engine):
         assert SECOND.search(name) or error < 1e-4, name
 
 
-@of("box2d")
+@of(*SINGLE)
 def test_a_driven_loop_in_single_precision(engine):
     # positions are closed to rounding of 6e-8 m and are those of the drive; rates lag half a step
     for name, error in case_errors(engine, "fourbar", 41).items():
@@ -199,14 +209,43 @@ def test_a_gear_couples_its_joints(engine):
         assert error < 1e-3, name
 
 
-@of("dart")
-def test_dart_refuses_a_gear_by_its_name(engine):
+@of("rapier")
+def test_rapier_closes_loops_to_rounding(engine):
+    # 6e-8 m of lengths of 0.1 to 0.4 m, and h^2 of accelerations as in double precision
+    for name, error in case_errors(engine, "fourbar", 41).items():
+        if not (SECOND.search(name) or RATES.search(name)):
+            assert error < 1e-5, name
+
+
+@of("rapier")
+def test_rapier_closes_a_loop_in_space(engine):
+    for name, error in case_errors(engine, "spherical_fourbar", 41).items():
+        if not SECOND.search(name):
+            assert error < 2e-3, name
+
+
+@of("rapier")
+@pytest.mark.parametrize(
+    ("case", "said"),
+    [
+        ("bricard", "'bar1' with an inertia of 1e-14 kg m2"),
+        ("delta", "'left_1' with several joints"),
+        ("universal_joint", "'output', which binds inertias of 1e-09 and 0.02 kg m2"),
+    ],
+)
+def test_rapier_refuses_by_name(engine, case, said):
+    with pytest.raises(Unsupported, match=re.escape(said)):
+        case_errors(engine, case, 3)
+
+
+@of("dart", "rapier")
+def test_a_gear_is_refused_by_its_name(engine):
     with pytest.raises(Unsupported, match="'mesh'"):
         case_errors(engine, "gear_pair", 3)
 
 
-@of("box2d")
-def test_box2d_refuses_a_point_mass_by_its_name(engine):
+@of(*SINGLE)
+def test_a_point_mass_is_refused_by_its_name(engine):
     with pytest.raises(Unsupported, match="'bob' with an inertia of 1e-14 kg m2"):
         case_errors(engine, "pendulum", 3)
 

@@ -1,0 +1,156 @@
+"""Rapier by rapier3d: bodies in space, in single precision, with joints as impulses.
+
+Hinges, slides, balls and loops are Rapier's impulse joints, and drives its motors.  A step is one
+substep without the relaxation behind it, so that velocities are those that move the bodies.
+Springs, dampers and loads are applied by hand; in the half-step reading the rate in a damper is
+half a step old, and dampers are of first order in the step.
+
+Openings of 6e-8 m by rounding are closed in a step: rates have an error of 6e-8 m divided by the
+step, and accelerations one of the same divided by the step once more.
+"""
+
+import numpy as np
+import proofmass_host as host
+import rapier3d as rapier
+
+VERSIONS = {"rapier3d": rapier.__version__, "numpy": np.__version__}
+MOTOR_FACTOR = 1e9
+"""Damping of the motor of a drive [N m s/rad or N s/m], beside which no load changes its rate."""
+LEAST_INERTIA = 1e-13
+"""Least inertia of a link in masses times squared arms of its joints: Rapier swings a rod of 1 kg
+and 1 m with 1e-12, and lets go of it with 1e-14."""
+LARGEST_RATIO = 1e6
+"""Largest ratio of the inertias that a joint in space binds: with 2e5 the default iterations leave
+1 % of a Hooke's joint open, with 2e7 all of it."""
+BUILDERS = {"hinge": rapier.RevoluteJointBuilder, "slide": rapier.PrismaticJointBuilder}
+AXES = {"hinge": rapier.JointAxis.ANG_X, "slide": rapier.JointAxis.LIN_X}
+
+
+class RapierWorld:
+    """A mechanism in a world of Rapier: handles of the `bodies` of links and of `joints`."""
+
+    def __init__(self, mechanism, settings):
+        self.mechanism, self.defaults = mechanism, settings["defaults"]
+        self.world = rapier.PhysicsWorld(gravity=tuple(mechanism.gravity))
+        self.world.set_num_threads(1)
+        own = self.world.integration_parameters
+        own.dt = mechanism.step
+        if not self.defaults:
+            own.num_solver_iterations, own.num_internal_stabilization_iterations = 1, 0
+            own.num_internal_pgs_iterations = settings["iterations"]
+        moments = [self.moments(k) for k in range(len(mechanism.links))]
+        self.bodies = [self.world.add_body(rapier.RigidBody.fixed())]
+        for k, start in enumerate(zip(*host.start_of_links(mechanism))):
+            if k:
+                self.add_link(k, moments[k], *start)
+        self.joints = [self.add_joint(j, moments) for j in range(len(mechanism.joints))]
+        self.values = [0.0] * len(self.joints)
+        for loop in mechanism.loops:
+            ends = (loop.a, loop.on_a), (loop.b, loop.on_b)
+            self.insert(rapier.SphericalJointBuilder(), *ends)
+
+    def moments(self, k):
+        """Moments of inertia (3,) of a link, ascending, and their axes in columns (3, 3).
+
+        In a plane all are that about the normal, since no other one has a meaning.
+        """
+        inertia = self.mechanism.links[k].inertia
+        for j in self.mechanism.joints_of(k):
+            one = self.mechanism.joints[j]
+            if one.armature and (one.parent or one.kind != "hinge"):
+                raise host.Refused(f"armature of joint {one.name!r}, no hinge on the ground")
+            inertia = inertia + one.armature * np.outer(one.axis, one.axis)
+        if self.mechanism.is_planar:
+            normal = self.mechanism.plane[2]
+            return np.full(3, normal @ inertia @ normal), np.eye(3)
+        return np.linalg.eigh(inertia)
+
+    def add_link(self, k, moments, place, turn, velocity):
+        """Add the body of a link."""
+        link, (values, axes) = self.mechanism.links[k], moments
+        ends = [one.anchor for one in self.mechanism.joints if k in (one.parent, one.child)]
+        arm = max(np.linalg.norm(end - link.centre) for end in ends)
+        if values[0] < LEAST_INERTIA * link.mass * arm**2:
+            raise host.Refused(
+                f"link {link.name!r} with an inertia of {values[0]:.3g} kg m2, that single "
+                f"precision does not carry beside the {link.mass * arm**2:.3g} kg m2 of its mass"
+            )
+        frame = rapier.Rotation3.face_toward(tuple(axes[:, 2]), tuple(axes[:, 1]))
+        mass = rapier.MassProperties((0.0, 0.0, 0.0), link.mass, tuple(values), frame)
+        body = rapier.RigidBodyBuilder(rapier.RigidBodyType.DYNAMIC).translation(tuple(place))
+        body = body.rotation(tuple(turn)).additional_mass_properties(mass)
+        body = body.linvel(tuple(velocity)).angvel(tuple(link.omega))
+        if not self.defaults:
+            body = body.can_sleep(False).allow_fast_rotation(True)
+        self.bodies.append(self.world.add_body(body))
+
+    def insert(self, joint, *ends):
+        """Insert a joint between points of two links, given in the start pose."""
+        (a, one), (b, two) = ((k, tuple(at - self.mechanism.links[k].centre)) for k, at in ends)
+        made = joint.local_anchor1(one).local_anchor2(two).build()
+        return self.world.impulse_joints.insert(self.bodies[a], self.bodies[b], made)
+
+    def add_joint(self, j, moments):
+        """Add a joint, with a motor if it is driven; a free joint is none."""
+        one = self.mechanism.joints[j]
+        if one.kind in ("ball", "free"):
+            if one.damping:
+                raise host.Refused(f"damping of {one.kind} joint {one.name!r}")
+            made = rapier.SphericalJointBuilder()
+        else:
+            sizes = np.concatenate([moments[k][0] for k in (one.parent, one.child) if k])
+            if not self.mechanism.is_planar and sizes.max() > LARGEST_RATIO * sizes.min():
+                raise host.Refused(
+                    f"joint {one.name!r}, which binds inertias of {sizes.min():.3g} and "
+                    f"{sizes.max():.3g} kg m2: the iterations do not converge"
+                )
+            made = BUILDERS[one.kind](tuple(one.axis))
+        if self.mechanism.drive_of(j):
+            made = made.motor_velocity(one.rate, MOTOR_FACTOR)
+            made = made.motor_model(rapier.MotorModel.FORCE_BASED)
+        ends = (one.parent, one.anchor), (one.child, one.anchor)
+        return None if one.kind == "free" else self.insert(made, *ends)
+
+    def step(self, i):
+        """Step number i, with the rates of drives and the forces on links."""
+        mechanism = self.mechanism
+        for drive in mechanism.drives:
+            j, one = drive.joint, mechanism.joints[drive.joint]
+            way = drive.value[2 * (i + 1)] - one.value - self.joint(j)[0]
+            data = self.world.impulse_joints[self.joints[j]].data
+            data.set_motor_velocity(AXES[one.kind], float(way / mechanism.step), MOTOR_FACTOR)
+        bodies = [self.world.rigid_bodies[one] for one in self.bodies]
+        for body in bodies[1:]:
+            body.reset_forces()
+            body.reset_torques()
+        for k, place, force, moment in host.link_forces(mechanism, i, self.read, self.joint):
+            arm = place - self.read(k)[0]
+            bodies[k].add_force(tuple(force))
+            bodies[k].add_torque(tuple(moment + np.cross(arm, force)))
+        self.world.step()
+
+    def read(self, k):
+        """The motion of a link."""
+        body = self.world.rigid_bodies[self.bodies[k]]
+        turn = host.matrix_of(np.roll(body.rotation.quaternion, 1))
+        place, *rates = (
+            np.array([one.x, one.y, one.z]) for one in (body.translation, body.linvel, body.angvel)
+        )
+        return place, turn, *rates
+
+    def joint(self, j):
+        """Coordinate and rate of a hinge or slide."""
+        motion = host.joint_motion(self.mechanism, j, self.read, self.values[j])
+        self.values[j] = motion[0]
+        return motion
+
+
+def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
+    """Step the world through the run."""
+    for gear in mechanism.gears:
+        raise host.Refused(f"Rapier has no coupling of joints, such as gear {gear.name!r}")
+    for k in range(1, len(mechanism.links)):
+        if len(mechanism.joints_of(k)) != 1:
+            raise host.Refused(f"link {mechanism.links[k].name!r} with several joints")
+    world = RapierWorld(mechanism, settings)
+    return host.record(mechanism, world.step, world.read)
