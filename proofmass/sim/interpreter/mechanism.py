@@ -15,11 +15,24 @@ This file is imported by proofmass and by the interpreters of engines; it needs 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 PlainArray = np.ndarray
+
+
+def cubic_force(x: Any, coefficients: Any) -> Any:
+    """Force ``-(k x + a x^2 + b x^3)`` of a spring with coefficients k, a, b at extensions x."""
+    k, a, b = coefficients
+    return -x * (k + x * (a + x * b))
+
+
+def cubic_energy(x: Any, coefficients: Any) -> Any:
+    """Energy of the spring of `cubic_force`."""
+    k, a, b = coefficients
+    return x**2 * (k / 2 + x * (a / 3 + x * b / 4))
 
 
 @dataclass(frozen=True)
@@ -108,12 +121,12 @@ class NeutralJoint:
     friction: float = 0.0
     servo: float = 0.0
 
-    @property
+    @cached_property
     def acting(self) -> PlainArray:
         """Coefficients (3,) of spring and servos together."""
         return np.asarray(self.spring + np.array([self.servo, 0.0, 0.0]))
 
-    @property
+    @cached_property
     def is_sprung(self) -> bool:
         """Whether the joint has a spring or servos."""
         return bool(np.any(self.acting))
@@ -129,9 +142,7 @@ class NeutralJoint:
 
     def passive_force(self, value: float, rate: float) -> float:
         """Force or moment of spring, servos and damper on the child [N m or N]."""
-        x = value - self.rest
-        k, a, b = self.acting
-        return float(-x * (k + x * (a + x * b)) - self.damping * rate)
+        return float(cubic_force(value - self.rest, self.acting) - self.damping * rate)
 
 
 @dataclass(frozen=True)
@@ -175,6 +186,14 @@ class NeutralSpring:
     slack: tuple
     body_a: int
     body_b: int
+
+    def stretch(self, length: PlainArray) -> PlainArray:
+        """Extension [m] at given lengths: 0 where slack, negative where shorter."""
+        return np.asarray(length - np.clip(length.real, *self.slack))
+
+    def energy(self, length: PlainArray) -> PlainArray:
+        """Energy [J] at given lengths [m]."""
+        return np.asarray(0.5 * self.stiffness * self.stretch(length) ** 2)
 
     def pull(self, length: float, rate: float) -> float:
         """Force with which it pulls its ends together [N]."""

@@ -10,6 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.base.arrays import Array
+from proofmass.sim.interpreter.mechanism import (
+    NeutralSpring,
+    cubic_energy,
+    cubic_force,
+)
 from proofmass.sim.neutral import ModelReader
 from proofmass.sim.plane import MotionPlane
 from proofmass.sim.pymunk.contacts import Contacts
@@ -124,13 +129,11 @@ class LinkJoint:
 
     def spring_force(self, value: Array | float) -> Any:
         """Moment [N m] or force [N] of spring and servos on the second link, at a joint value."""
-        x, (k, a, b) = value - self.rest, self.acting
-        return -x * (k + x * (a + x * b))
+        return cubic_force(value - self.rest, self.acting)
 
     def spring_energy(self, value: Array) -> Array:
         """Energy [J] of the spring at joint values."""
-        x, (k, a, b) = value - self.rest, self.stiffness
-        return x**2 * (k / 2 + x * (a / 3 + x * b / 4))
+        return np.asarray(cubic_energy(value - self.rest, self.stiffness))
 
 
 @dataclass(frozen=True)
@@ -160,13 +163,12 @@ class JointTable(ConstraintTable):
 
     def joint_forces(self, values: Array) -> Array:
         """Moments [N m] or forces [N] of springs, servos and loads at values (..., joints)."""
-        x, (k, a, b) = values - self.rest, self.acting
-        return np.asarray(self.load - x * (k + x * (a + x * b)))
+        return np.asarray(self.load + cubic_force(values - self.rest, self.acting))
 
     def energy(self, values: Array) -> Array:
         """Energy [J] (...) whose derivatives are the negative `joint_forces`."""
-        x, (k, a, b) = values - self.rest, self.acting
-        return np.asarray((x**2 * (k / 2 + x * (a / 3 + x * b / 4)) - self.load * values).sum(-1))
+        own = cubic_energy(values - self.rest, self.acting)
+        return np.asarray((own - self.load * values).sum(-1))
 
 
 @dataclass(frozen=True)
@@ -185,35 +187,15 @@ class LinkGear:
 
 
 @dataclass(frozen=True)
-class LinkSpring:
+class LinkSpring(NeutralSpring):
     """A spring and a damper between points of two links.
 
     The points `on_a` and `on_b` are given relative to the links' centres in the start pose [m].
-    The spring is slack at lengths from `slack[0]` to `slack[1]` [m]; `bodies` are the ids of the
-    bodies in the MJCF.
     """
-
-    name: str
-    a: int
-    b: int
-    on_a: Array
-    on_b: Array
-    stiffness: float
-    damping: float
-    slack: tuple[float, float]
-    bodies: tuple[int, int]
-
-    def stretch(self, length: Array) -> Array:
-        """Extension [m] of the spring at given lengths: 0 where slack, negative where shorter."""
-        return np.asarray(length - np.clip(length.real, *self.slack))
 
     def push(self, length: Array) -> Array:
         """Force [N] with which the spring pushes its ends apart, at given lengths [m]."""
         return np.asarray(-self.stiffness * self.stretch(length))
-
-    def energy(self, length: Array) -> Array:
-        """Energy [J] of the spring at given lengths [m]."""
-        return np.asarray(0.5 * self.stiffness * self.stretch(length) ** 2)
 
 
 @dataclass(frozen=True)

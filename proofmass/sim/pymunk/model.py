@@ -331,8 +331,7 @@ class LinkProjection:
         if abs((one.on_a - one.on_b) @ self.plane.normal) > PARALLEL_TOLERANCE * extent:
             raise Unsupported(f"tendon '{one.name}', whose sites differ in height over the plane")
         (a, on_a), (b, on_b) = self.place(one.a, one.on_a), self.place(one.b, one.on_b)
-        numbers = one.stiffness, one.damping, one.slack, (one.body_a, one.body_b)
-        return LinkSpring(one.name, a, b, on_a, on_b, *numbers)
+        return LinkSpring(**vars(one) | {"a": a, "b": b, "on_a": on_a, "on_b": on_b})
 
     def load(self, one: NeutralLoad, share: float, model: mujoco.MjModel) -> LinkLoad:
         """A load times `share`; raises `Unsupported` if it leaves the plane."""

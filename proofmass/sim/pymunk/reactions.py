@@ -174,9 +174,9 @@ def transmitted_force(
         way, length = spring_line(spring, motion.pose)
         rate = derivative_along(partial(spring_length, spring), motion.pose, motion.velocity)
         pull = (spring.push(length) - spring.damping * rate)[:, None] * way
-        if spring.bodies[0] in carried:
+        if spring.body_a in carried:
             add(spring.a, spring.on_a, pull)
-        if spring.bodies[1] in carried:
+        if spring.body_b in carried:
             add(spring.b, spring.on_b, -pull)
     for load in links.pulls:
         if load.body in carried:
