@@ -565,3 +565,28 @@ def highest_frequency(model: mujoco.MjModel, key: str) -> float:
     springs[model.jnt_dofadr[on_one]] = stiffness[on_one]
     squares = np.linalg.eigvals(np.linalg.solve(inertia, np.diag(springs)))
     return float(np.sqrt(squares.real.max(initial=0.0)))
+
+
+def force_left_out(model: mujoco.MjModel) -> str:
+    """What MuJoCo's sensors of forces between bodies leave out of a model; empty if nothing."""
+    others = [k for k in range(model.nu) if joint_of(model, k) < 0]
+    if others:
+        return f"actuator {model.actuator(others[0]).name!r}, which acts on no joint"
+    pulling = [t for t in range(model.ntendon) if exerts_force(model, t)]
+    return f"tendon {model.tendon(pulling[0]).name!r}" if pulling else ""
+
+
+def exerts_force(model: mujoco.MjModel, t: int) -> bool:
+    """Whether tendon number t exerts forces, so that it does more than measure a length."""
+    own = (
+        model.tendon_stiffness,
+        model.tendon_stiffnesspoly,
+        model.tendon_damping,
+        model.tendon_dampingpoly,
+        model.tendon_frictionloss,
+        model.tendon_armature,
+        model.tendon_limited,
+    )
+    equalities = model.eq_active0.astype(bool) & (model.eq_type == mujoco.mjtEq.mjEQ_TENDON)
+    is_in_equality = t in np.concatenate([model.eq_obj1id[equalities], model.eq_obj2id[equalities]])
+    return is_in_equality or any(np.any(part[t]) for part in own)

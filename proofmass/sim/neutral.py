@@ -1,4 +1,4 @@
-"""Read a model and a run in time as a mechanism of plain data, for engines of any kind.
+"""Read a model and a run as a mechanism of plain data, for engines of any kind.
 
 The result, `proofmass.sim.interpreter.mechanism.Mechanism`, has numbers, texts and arrays only:
 links, joints, loops, gears, springs and loads in the start pose, and the motion of the drives at
@@ -28,9 +28,11 @@ from proofmass.analytic.support import (
     PARTLY,
     REFUSED,
     SAID,
+    Answers,
     FeatureAnswer,
     RunKind,
     Support,
+    answers,
     covers,
     examine,
 )
@@ -82,21 +84,16 @@ ACTING = (
     "free joint",
     "stiffness of a joint",
     "polynomial stiffness of a joint",
-    "damping of a joint",
-    "armature of a hinge on the ground",
-    "armature of a joint, which is no single hinge on the ground",
     "actuatorfrcrange of a joint with motors",
     "connect equality",
     "joint equality, of hinges on the ground or of a planet and its arm",
     "joint equality, whose joints are no such hinges",
     "stiffness of a tendon",
-    "damping of a tendon",
     "an actuator, which is a motor on a joint",
     "an actuator, which is a servo on a joint",
     "an actuator, which is a motor on a site whose refsite, if any, is of the ground",
     "ctrlrange of an actuator",
     "forcerange of a motor",
-    "rates of the key",
 )
 """Features of a model that a neutral mechanism has."""
 WITHOUT_EFFECT = (
@@ -114,21 +111,34 @@ WITHOUT_EFFECT = (
     "magnetic field",
     "noise of a sensor",
 )
-"""Features that do not change the motion of a run in time, whose drives are ideal."""
-EXCEPTIONS: dict[str, FeatureAnswer] = {
+"""Features that do not change a run, whose drives are ideal."""
+RESTS = RunKind.SETTLED_SWEEP, RunKind.EQUILIBRIUM
+"""Runs that come to rest."""
+KINDS = (*IN_TIME, *RESTS)
+IN_MOTION = (
+    "damping of a joint",
+    "armature of a hinge on the ground",
+    "armature of a joint, which is no single hinge on the ground",
+    "damping of a tendon",
+    "rates of the key",
+)
+"""Features of a neutral mechanism without effect on a rest."""
+EXCEPTIONS: dict[str, Answers | FeatureAnswer] = {
     **dict.fromkeys(ACTING, ACTS),
+    **dict.fromkeys(IN_MOTION, answers(KINDS, ACTS, irrelevant=RESTS)),
     **dict.fromkeys(WITHOUT_EFFECT, IRRELEVANT),
     **dict.fromkeys(("cutoff of a sensor", "delay of a sensor", "interval of a sensor"), SAID),
     "range of a joint": PARTLY,
     "contacts": PARTLY,
 }
-SUPPORT = covers(IN_TIME, EXCEPTIONS, usual=REFUSED)
+SUPPORT = covers(KINDS, EXCEPTIONS, usual=REFUSED)
 """What becomes of each feature of a model in a neutral mechanism."""
 
 
 def support_without(lacks: tuple[str, ...]) -> Support:
     """The support of an engine that has all of a neutral mechanism but some features."""
-    return covers(IN_TIME, {**EXCEPTIONS, **dict.fromkeys(lacks, REFUSED)}, usual=REFUSED)
+    exceptions = {**EXCEPTIONS, **dict.fromkeys(lacks, REFUSED)}
+    return covers(KINDS, exceptions, usual=REFUSED)
 
 
 def driven_joints(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
@@ -252,7 +262,8 @@ class ModelReader:
 
     def limits(self, j: int) -> tuple[float, float] | None:
         """The range of the coordinate of a hinge or slide that is not driven, if it has one."""
-        if not self.model.jnt_limited[j] or j in self.driven:
+        without = self.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
+        if without or not self.model.jnt_limited[j] or j in self.driven:
             return None
         low, high = self.model.jnt_range[j].tolist()
         return low, high
@@ -371,22 +382,35 @@ class NeutralReader(ModelReader):
         timestep: float,
         state: tuple[Array, Array] | None = None,
     ) -> None:
-        self.qpos, self.qvel = state or start_state(model, run)
+        self.model, self.run = model, run
+        self.asked_step, self.samples = timestep, run.x.size
+        self.qpos, self.qvel = state or self.start()
         state = self.qpos, self.qvel
         super().__init__(model, run.start, driven_joints(model, run), run.rods, state)
-        self.run, self.asked_step = run, timestep
-        self.count, self.step = run.steps(timestep)
+        self.count, self.step = self.steps()
         if run.loads:
-            times = np.minimum(self.half_steps, run.x[-1])
-            self.controls = np.tile(self.controls, (1, times.size))
+            self.controls = np.tile(self.controls, (1, self.path.size))
             places = control_indices(model, (one.actuator for one in run.loads))
-            self.controls[places] = run.controls(times)[0]
+            self.controls[places] = run.controls(self.path)[0]
+
+    def start(self) -> tuple[Array, Array]:
+        """Pose and rates of the start [SI]."""
+        return start_state(self.model, self.run)
+
+    def steps(self) -> tuple[int, float]:
+        """The number of steps from sample to sample, and their length [s]."""
+        return self.run.steps(self.asked_step)
 
     @cached_property
     def half_steps(self) -> Array:
         """Times of the beginning and the middle of each step, with one step more than there are."""
-        steps = self.count * (self.run.x.size - 1) + 1
+        steps = self.count * (self.samples - 1) + 1
         return np.asarray(self.run.x[0] + 0.5 * self.step * np.arange(2 * steps + 1))
+
+    @cached_property
+    def path(self) -> Array:
+        """The x of the run at the half steps."""
+        return np.minimum(self.half_steps, self.run.x[-1])
 
     def joints(self, forces: bool = True) -> Iterator[NeutralJoint]:
         """See `ModelReader.joints`; the drives are ideal, and no damper acts on them."""
@@ -395,9 +419,8 @@ class NeutralReader(ModelReader):
 
     def drives(self) -> Iterator[DriveRows]:
         """The motion of each drive at all half steps; it goes on evenly behind the last sample."""
-        times, end = self.half_steps, self.run.x[-1]
-        value, rate, acceleration = self.run.motion(np.minimum(times, end))
-        late = np.maximum(times - end, 0.0)
+        value, rate, acceleration = self.run.motion(self.path)
+        late = self.half_steps - self.path
         value = value + late * (rate + 0.5 * late * acceleration)
         rate = rate + late * acceleration
         for j, *motion in zip(self.driven, value, rate, acceleration, strict=True):
@@ -453,9 +476,46 @@ class NeutralReader(ModelReader):
             float(self.model.stat.extent),
             self.step,
             self.count,
-            self.run.x.size,
+            self.samples,
             rates_at,
         )
+
+
+def read_model(
+    path: Path, run: Run, kind: RunKind, support: Support, contacts: bool = False
+) -> mujoco.MjModel:
+    """Compile the MJCF file of a run, which an engine must cover.
+
+    Parameters
+    ----------
+    path : Path
+    run : Run
+    kind : RunKind
+    support : mapping
+        What the engine has of the features of a model, such as `support_without` some.
+    contacts : bool
+        Whether the engine has contacts.
+
+    Raises
+    ------
+    BadModel
+        The model does not compile, or is not assembled in its start pose.
+    Unsupported
+        It has a feature that the engine or a neutral mechanism has not.
+    """
+    model = compile_model(path, run.rods)
+    driven = driven_joints(model, run)
+    if refused := examine(read_compiled(model), support, kind, driven)[0]:
+        raise Unsupported(f"{'; '.join(refused)} in {kind.in_words}")
+    if may_touch(model) and not contacts:
+        raise Unsupported("contacts of geoms that may touch")
+    if (opening := loop_opening(model, run.start)) > MAX_KEY_VIOLATION * model.stat.extent:
+        hint = radian_hint(model, run.start)
+        raise BadModel(
+            f"start pose of key {run.start!r} is not assembled: a loop is open by "
+            f"{opening:.3g} m{hint}"
+        )
+    return model
 
 
 def read_mechanism(
@@ -467,37 +527,16 @@ def read_mechanism(
 ) -> NeutralReader:
     """Read the model of an MJCF file for a run in time, in the state of its start.
 
-    Parameters
-    ----------
-    path : Path
-    run : Run
-    support : mapping
-        What the engine has of the features of a model, such as `support_without` some.
-    timestep : float, optional
-        Longest time step [s]; that of the model, if not given.
-    contacts : bool
-        Whether the engine has contacts.
+    `timestep` is the longest time step [s], or None for that of the model; the other parameters
+    are those of `read_model`.
 
     Raises
     ------
-    BadModel
-        The model does not compile, or is not assembled in its start pose.
-    Unsupported
-        It has a feature that the engine or a neutral mechanism has not; or the run is not in time.
+    BadModel, Unsupported
+        See `read_model`; or the run is not in time.
     """
     if run.kind != "dynamics":
         raise Unsupported(f"{run.kind}: the engine is stepped in time only")
-    model = compile_model(path, run.rods)
-    driven = driven_joints(model, run)
-    kind = RunKind.DRIVEN_MOTION if driven else RunKind.FREE_MOTION
-    if refused := examine(read_compiled(model), support, kind, driven)[0]:
-        raise Unsupported(f"{'; '.join(refused)} in {kind.in_words}")
-    if may_touch(model) and not contacts:
-        raise Unsupported("contacts of geoms that may touch")
-    if (opening := loop_opening(model, run.start)) > MAX_KEY_VIOLATION * model.stat.extent:
-        hint = radian_hint(model, run.start)
-        raise BadModel(
-            f"start pose of key {run.start!r} is not assembled: a loop is open by "
-            f"{opening:.3g} m{hint}"
-        )
+    kind = RunKind.DRIVEN_MOTION if run.drives else RunKind.FREE_MOTION
+    model = read_model(path, run, kind, support, contacts)
     return NeutralReader(model, run, timestep or float(model.opt.timestep))

@@ -1,6 +1,5 @@
 """Curves of all channels from the states of the links of a mechanism at the samples."""
 
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,8 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from proofmass.analytic.numerics import unwrap_quaternions
 from proofmass.base.arrays import Array
+from proofmass.sim.balance import ForceBalance
 from proofmass.sim.contents import (
     find_channel,
+    force_left_out,
     gear_of_force,
     is_linear_in_joint,
     joint_of,
@@ -22,19 +23,31 @@ from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
 from proofmass.sim.neutral import NeutralReader
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import Diverged, Unsupported
-from proofmass.sim.smooth import SmoothTerms
+from proofmass.sim.rods import Chain, RodPose, rod_channels, rod_curves
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 MAX_OPENING_SHARE = 0.1
 """Opening of a loop or a joint, as a share of the size, beyond which a run has failed."""
 RANGE_ROUNDING = 1e-6
 """Distance by which a joint may pass the end of its range [rad or m], since it may end on it."""
-ROW_SHARE = 1e-10
-"""Singular value, as a share of the largest, below which rows of constraints are redundant: those
-of loops that are planar in the coordinates themselves, to rounding."""
 POINT_SENSORS = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2}
 AXIS_SENSORS = {S.mjSENS_FRAMEXAXIS: 0, S.mjSENS_FRAMEYAXIS: 1, S.mjSENS_FRAMEZAXIS: 2}
+INTERACTION_SENSORS = S.mjSENS_FORCE, S.mjSENS_TORQUE
 JOINT_SENSORS = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1}
+RATE_SENSORS = (
+    S.mjSENS_JOINTVEL,
+    S.mjSENS_BALLANGVEL,
+    S.mjSENS_TENDONVEL,
+    S.mjSENS_FRAMELINVEL,
+    S.mjSENS_FRAMEANGVEL,
+    S.mjSENS_FRAMELINACC,
+    S.mjSENS_FRAMEANGACC,
+    S.mjSENS_GYRO,
+    S.mjSENS_VELOCIMETER,
+    S.mjSENS_E_KINETIC,
+)
+"""Sensors of rates and accelerations."""
+NO_RATE = "the engine is at rest at every sample: no rates, no accelerations"
 JointMotion = tuple[Array, Array, Array]
 """Values, rates and accelerations along a run."""
 
@@ -129,32 +142,14 @@ class StateCurves:
             The states end early, or a loop or joint is open.
         """
         run, mechanism, n = self.reader.run, self.mechanism, len(self.states.place)
-        channels, missing = dict[str, Array](), dict[str, str]()
-        with np.errstate(all="ignore"):
-            for name in run.channels:
-                found = self.channel(name)
-                if isinstance(found, str):
-                    missing[name] = found
-                elif found.size and np.isnan(found).all():
-                    missing[name] = "the engine has no accelerations"
-                else:
-                    channels[name] = found
-        drive = None
-        if mechanism.drives and n:
-            motions = [self.joint(one.joint) for one in mechanism.drives]
-            value, rate, acceleration = (np.array(p) for p in zip(*motions, strict=True))
-            if np.isnan(acceleration).all():  # the engine has none, and its drives are ideal
-                acceleration = run.motion(run.x[:n])[2]
-            drive = value, rate, acceleration
+        channels, missing = self.read_channels()
         if not stops:
             self.refuse_ends_of_ranges()
-        open_ = ~(self.openings <= MAX_OPENING_SHARE * mechanism.size)
-        good = int(np.argmax(open_)) if open_.any() else n
         curves = Curves(
             run.x[:n],
             channels,
             missing,
-            drive=drive,
+            drive=self.drive_motion() if mechanism.drives and n else None,
             violation=float(self.openings.max(initial=0.0)),
             seconds=self.states.seconds,
             steps=mechanism.steps,
@@ -163,13 +158,45 @@ class StateCurves:
             notes=self.states.notes,
             asked_step=self.reader.asked_step,
         )
-        if good < run.x.size or self.states.failed:
-            why = self.states.failed or "the run ended early"
-            if good < n:
-                why = f"a loop or joint came open by {self.openings[good]:.3g} m"
-            when = run.x[min(good, run.x.size - 1)]
-            raise Diverged(f"{why} (t = {when:.4g} s)", curves.first(good) if good else None)
-        return curves
+        return self.without_failure(curves, run.x, "t = {:.4g} s")
+
+    def read_channels(self) -> tuple[dict[str, Array], dict[str, str]]:
+        """The curves of all channels, and why others are missing."""
+        channels, missing = dict[str, Array](), dict[str, str]()
+        with np.errstate(all="ignore"):
+            for name in self.reader.run.channels:
+                found = self.channel(name)
+                if isinstance(found, str):
+                    missing[name] = found
+                elif found.size and np.isnan(found).all():
+                    missing[name] = "the engine has no accelerations"
+                else:
+                    channels[name] = found
+        return channels, missing
+
+    def drive_motion(self) -> JointMotion:
+        """The actual motion of the drives."""
+        run, n = self.reader.run, len(self.states.place)
+        motions = [self.joint(one.joint) for one in self.mechanism.drives]
+        value, rate, acceleration = (np.array(p) for p in zip(*motions, strict=True))
+        if np.isnan(acceleration).all():  # the engine has none, and its drives are ideal
+            acceleration = run.motion(run.x[:n])[2]
+        return value, rate, acceleration
+
+    def without_failure(self, curves: Curves, x: Array, where: str) -> Curves:
+        """The curves, unless the states end early or a loop is open: then `Diverged` has them.
+
+        `where` is the format of the x (n,) at which the run failed.
+        """
+        open_ = ~(self.openings <= MAX_OPENING_SHARE * self.mechanism.size)
+        good = int(np.argmax(open_)) if open_.any() else len(open_)
+        if good == x.size and not self.states.failed:
+            return curves
+        why = self.states.failed or "the run ended early"
+        if good < len(open_):
+            why = f"a loop or joint came open by {self.openings[good]:.3g} m"
+        at = where.format(x[min(good, x.size - 1)])
+        raise Diverged(f"{why} ({at})", curves.first(good) if good else None)
 
     def refuse_ends_of_ranges(self) -> None:
         """Raise `Unsupported` if a joint passes the end of its range, where it has no stop."""
@@ -248,8 +275,8 @@ class StateCurves:
     def potential_energy(self) -> Array:
         """Potential energy of weight and springs, without that of servos [J]."""
         total = np.zeros(len(self.states.place))
-        for k, link in enumerate(self.mechanism.links):
-            total -= link.mass * self.states.place[:, k] @ self.mechanism.gravity
+        for k, link in enumerate(self.reader.links()):
+            total -= link.mass * self.states.place[:, k] @ self.reader.model.opt.gravity
         for j, one in enumerate(self.mechanism.joints):
             if one.spring.any():
                 (k, a, b), x = one.spring, self.joint(j)[0] - one.rest
@@ -288,18 +315,22 @@ class StateCurves:
         return None
 
     def force_channel(self, s: int, kind: mujoco.mjtSensor, part: str) -> Array | str | None:
-        """The moment of a drive, or the force of a motor on a joint without one."""
+        """The moment of a drive, the force of a motor, or a force or moment between bodies."""
+        model, obj = self.reader.model, int(self.reader.model.sensor_objid[s])
+        if kind in INTERACTION_SENSORS:
+            if what := force_left_out(model):
+                return f"sensors of forces leave out {what}"
+            found = self.forces
+            place = int(model.sensor_adr[s]) + "xyz".index(part)
+            return found if isinstance(found, str) else found[1][:, place]
         if kind not in (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC):
             return None
-        model, obj = self.reader.model, int(self.reader.model.sensor_objid[s])
         on_actuator = kind == S.mjSENS_ACTUATORFRC
         joint = joint_of(model, obj) if on_actuator else obj
         if joint in self.reader.driven:
-            gear = gear_of_force(model, obj) if on_actuator else 1.0
-            moments = self.drive_moments
-            if isinstance(moments, str):
-                return moments
-            return moments[:, self.reader.driven.index(joint)] / gear
+            gear, found = gear_of_force(model, obj) if on_actuator else 1.0, self.forces
+            drive = self.reader.driven.index(joint)
+            return found if isinstance(found, str) else found[0][:, drive] / gear
         if not on_actuator or is_linear_in_joint(model, obj):
             return "the force of a servo is not evaluated from the states of links"
         force = self.reader.actuator_force(obj)
@@ -307,31 +338,72 @@ class StateCurves:
         return np.resize(force[places], len(self.states.place))
 
     @cached_property
-    def drive_moments(self) -> Array | str:
-        """Moments that the mechanism needs from its drives (n, drives) [N m or N], or why not.
+    def forces(self) -> tuple[Array, Array] | str:
+        """Moments of the drives (n, drives) [N m or N] and sensor values (n, values), or why not.
 
-        They follow from the balance of all joints at the coordinates, rates and accelerations of
-        the run, ``M a + h = Q + J^T f + S^T moment``, with the equations of MuJoCo and without its
-        soft constraints.
+        See `ForceBalance`.
         """
-        model, driven = copy(self.reader.model), list(self.reader.driven)
-        if any(one.kind not in ("hinge", "slide") for one in self.mechanism.joints):
-            return "moments of drives are evaluated for hinges and slides only"
-        dofs = model.jnt_dofadr[driven]
-        if model.dof_frictionloss[dofs].any() or model.dof_dampingpoly[dofs].any():
-            return "dry friction and polynomial damping of a driven joint are left out"
-        for a in range(model.nactuator):
-            if joint_of(model, a) in driven:
-                model.actuator_gainprm[a] = model.actuator_biasprm[a] = 0.0
-        terms, found = SmoothTerms(model, self.reader.run.start), []
-        motions = np.array([self.joint(j) for j in range(model.njnt)])  # (joints, 3, n)
-        controls = self.reader.controls[:, :: 2 * self.mechanism.count]
-        for k, (q, v, a) in enumerate(np.moveaxis(motions, -1, 0).swapaxes(1, 2)):
-            own = terms.terms(q, v, controls[:, min(k, controls.shape[1] - 1)])
-            rows = np.vstack([own.jacobian, np.eye(model.nv)[dofs]])
-            needed = own.mass @ a + own.bias - own.force
-            found.append(np.linalg.lstsq(rows.T, needed, rcond=ROW_SHARE)[0][-len(dofs) :])
-        return np.array(found).reshape(-1, len(dofs))
+        reader, stops = (
+            self.reader,
+            [j for j, one in enumerate(self.mechanism.joints) if one.limits],
+        )
+        try:
+            balance = ForceBalance(reader.model, reader.run.start, reader.driven, stops)
+            motion = self.coordinates()
+        except Unsupported as error:
+            return str(error)
+        if not len(motion[0]):
+            return np.zeros((0, len(reader.driven))), np.zeros((0, reader.model.nsensordata))
+        controls = reader.controls[:, :: 2 * self.mechanism.count]
+        moments, sensors = list[Array](), list[Array]()
+        for k, (q, v, a) in enumerate(zip(*motion, strict=True)):
+            drives, loops = balance.forces(q, v, a, controls[:, min(k, controls.shape[1] - 1)])
+            moments.append(drives)
+            sensors.append(balance.sensors(a, loops))
+        return np.array(moments), np.array(sensors)
+
+    def coordinates(self) -> JointMotion:
+        """Coordinates (n, nq), rates and accelerations (n, nv) of MuJoCo [SI].
+
+        Raises
+        ------
+        Unsupported
+            A ball has another joint beside it.
+        """
+        model, n = self.reader.model, len(self.states.place)
+        q, v, a = np.empty((n, model.nq)), np.empty((n, model.nv)), np.empty((n, model.nv))
+        for j, one in enumerate(self.mechanism.joints):
+            at, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+            if one.kind in ("hinge", "slide"):
+                q[:, at], v[:, dof], a[:, dof] = self.joint(j)
+                continue
+            if len(self.mechanism.joints_of(one.child)) > 1:
+                raise Unsupported(f"{one.kind} joint {one.name!r} beside another joint of its link")
+            if one.kind == "free":
+                parts = self.point(one.child, self.reader.data.xpos[model.jnt_bodyid[j]])
+                q[:, at : at + 3], v[:, dof : dof + 3], a[:, dof : dof + 3] = parts
+                at, dof = at + 3, dof + 3
+            parts = self.rotation(j, at)
+            q[:, at : at + 4], v[:, dof : dof + 3], a[:, dof : dof + 3] = parts
+        return q, v, a
+
+    def rotation(self, j: int, at: int) -> JointMotion:
+        """Quaternion (n, 4) at place `at`, rates and accelerations (n, 3) of a ball or free joint.
+
+        The quaternion follows from that of the start, Q0, and the relative rotation since then, T::
+
+            Q = Q0 B0^T T B0            B0: axes of the body at the start
+        """
+        reader, s, one = self.reader, self.states, self.mechanism.joints[j]
+        body, base = one.child, one.parent if one.kind == "ball" else 0
+        axes = reader.data.xmat[reader.model.jnt_bodyid[j]].reshape(3, 3)
+        start = Rotation.from_quat(reader.qpos[at : at + 4], scalar_first=True)
+        relative = np.swapaxes(s.turn[:, base], -1, -2) @ s.turn[:, body]
+        quaternions = start * Rotation.from_matrix(axes.T @ relative @ axes)
+        spin, change = s.omega[:, body] - s.omega[:, base], s.alpha[:, body] - s.alpha[:, base]
+        change = change - np.cross(s.omega[:, body], spin)
+        local = (self.in_frame(body, axes.ravel(), part) for part in (spin, change))
+        return quaternions.as_quat(scalar_first=True), *local
 
     def direction(self, link: int, axis: Array, part: str) -> Array:
         """A component, or the angle in the plane, of a direction that is fixed in a link."""
@@ -342,3 +414,69 @@ class StateCurves:
         return np.unwrap(np.arctan2(y, x))
 
     readers = (joint_channel, tendon_channel, energy_channel, frame_channel, force_channel)
+
+
+@dataclass(frozen=True)
+class RestCurves(StateCurves):
+    """The channels of a sweep or of an equilibrium from the links at rest."""
+
+    def curves(self, settings: dict[str, object], stops: bool = False) -> Curves:
+        """See `StateCurves.curves`; an equilibrium has one value of each sensor, repeated."""
+        run, n = self.reader.run, len(self.states.place)
+        single = run.kind == "equilibrium"
+        rods = rod_channels(run) if single else {}
+        channels, missing = self.read_channels()
+        missing = {name: why for name, why in missing.items() if name not in rods}
+        if not stops:
+            self.refuse_ends_of_ranges()
+        if single and n:
+            channels = {name: np.repeat(curve, run.x.size) for name, curve in channels.items()}
+            channels |= rod_curves(run, self.rod_pose)
+        drive = None
+        if self.mechanism.drives and not single:
+            _, rate, acceleration = (part[:, :n] for part in run.motion(run.x))
+            drive = self.drive_motion()[0], rate, acceleration
+        curves = Curves(
+            run.x if single else run.x[:n],
+            channels,
+            missing,
+            drive=drive,
+            violation=float(self.openings.max(initial=0.0)),
+            seconds=self.states.seconds,
+            steps=self.states.steps,
+            settings={"timestep": self.mechanism.step, **settings},
+            notes=self.states.notes,
+            derivatives=0,
+        )
+        return self.without_failure(curves, run.x[: self.reader.samples], "x = {:.4g}")
+
+    def channel(self, name: str) -> Array | str:
+        """See `StateCurves.channel`; nothing moves."""
+        if name in rod_channels(self.reader.run):
+            return "a curve of a rod"
+        s, _ = find_channel(self.reader.model, name)
+        kind = S(int(self.reader.model.sensor_type[s]))
+        if kind in RATE_SENSORS or kind == S.mjSENS_USER:
+            return NO_RATE
+        return super().channel(name)
+
+    def rod_pose(self, one: Chain) -> RodPose:
+        """Vertices, angles and bends of the links of a planar rod; see `rod_curves`."""
+        model, data = self.reader.model, self.reader.data
+        if one.rod.spatial:
+            raise Unsupported("curves of a rod in space are not evaluated from the states of links")
+        bodies = [int(model.body(name).id) for name in one.names]
+        links = [int(self.reader.link_of[b]) for b in bodies]
+        places = [self.point(k, data.xpos[b])[0][0] for k, b in zip(links, bodies, strict=True)]
+        tip = model.site(f"{one.rod.name}.tip")
+        end = int(self.reader.link_of[int(tip.bodyid[0])])
+        places.append(self.point(end, data.site_xpos[tip.id])[0][0])
+        angles = [
+            float(self.direction(k, data.xmat[b].reshape(3, 3)[:, 0], "angle")[0])
+            for k, b in zip(links, bodies, strict=True)
+        ]
+        bends = [
+            self.joint(int(model.joint(name).id))[0][0] if jointed else 0.0
+            for name, jointed in zip(one.names, one.has_joint, strict=True)
+        ]
+        return np.array(places), np.array(angles), np.array(bends)

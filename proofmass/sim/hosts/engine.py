@@ -19,7 +19,8 @@ from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.engine import Engine
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.protocol.settings import EngineSettings
-from proofmass.sim.states import StateCurves
+from proofmass.sim.resting import read_rest
+from proofmass.sim.states import RestCurves, StateCurves
 
 SCRIPTS = Path(__file__).parent / "scripts"
 PIN = re.compile(r"([A-Za-z0-9._-]+)(\[[\w,-]+\])?==([A-Za-z0-9.!+_-]+)")
@@ -90,6 +91,11 @@ class HostedEngine(Engine):
         `proofmass.sim.neutral`.
     planar : bool
         Whether it moves bodies only in a plane.
+    stops : bool
+        Whether it has stops at the ends of the ranges of joints.
+    rests : bool
+        Whether its script comes to rest where `NeutralMechanism.rest` asks for it, as all scripts
+        do whose steps `record` makes and whose links have the forces of `link_forces`.
     python : str
         An interpreter that has the packages; empty: uv makes one.
     oldest : str
@@ -106,9 +112,6 @@ class HostedEngine(Engine):
     ('mine==1.1',)
     """
 
-    stops = False
-    """Whether the engine has stops at the ends of the ranges of joints."""
-
     def __init__(
         self,
         script: str | Path,
@@ -119,6 +122,8 @@ class HostedEngine(Engine):
         settings: type[EngineSettings] = HostedSettings,
         lacks: Sequence[str] = (),
         planar: bool = False,
+        stops: bool = False,
+        rests: bool = False,
         python: str = "",
         oldest: str = "",
     ) -> None:
@@ -130,6 +135,7 @@ class HostedEngine(Engine):
         self.script, self.requires = SCRIPTS / script, tuple(requires)
         self.title, self.about, self.python, self.oldest = title, about, python, oldest
         self.settings, self.planar, self.lacks = settings, planar, tuple(lacks)
+        self.stops, self.rests = stops, rests
         self.support = support_without(tuple(lacks))  # type: ignore[misc]
 
     @property
@@ -171,6 +177,11 @@ class HostedEngine(Engine):
         defaults = getattr(own, "defaults", False)
         asks = "timestep" in own.model_fields_set or defaults
         step = float(getattr(own, "timestep", 0.0)) if asks else None
+        if run.kind in ("sweep", "equilibrium") and self.rests:
+            rest = read_rest(model, replace(run, settings={}), self.support, step)
+            if self.planar:
+                find_plane(rest.model, rest.data)
+            return rest, rest.mechanism()
         reader = read_mechanism(model, replace(run, settings={}), self.support, step)
         if self.planar:
             find_plane(reader.model, reader.data)
@@ -186,7 +197,8 @@ class HostedEngine(Engine):
         versions: dict[str, str],
     ) -> Curves:
         """The curves of the states that the engine returned."""
-        found = StateCurves(reader, mechanism, states).curves(settings, self.stops)
+        kind = RestCurves if mechanism.rest else StateCurves
+        found = kind(reader, mechanism, states).curves(settings, self.stops)
         computed = ", ".join(f"{name} {version}" for name, version in versions.items())
         notes = (*found.notes, f"Computed by {computed}.")
         return replace(found, notes=notes, versions=versions, compile_seconds=states.compiled)

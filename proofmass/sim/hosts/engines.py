@@ -108,6 +108,8 @@ PYMUNK = SteppedEngine(
     lacks=NO_ROTATION_IN_SPACE,
     planar=True,
     oldest="6.4.0",
+    stops=True,
+    rests=True,
 )
 PINOCCHIO = SteppedEngine(
     "pinocchio.py",
@@ -120,6 +122,7 @@ PINOCCHIO = SteppedEngine(
         "the package pinocchio on PyPI is another program",
     ),
     settings=PinocchioSettings,
+    rests=True,
 )
 SIMBODY = AccurateEngine(
     "simbody.py",
@@ -132,6 +135,7 @@ SIMBODY = AccurateEngine(
         "Simbody is part of the package opensim",
     ),
     settings=SimbodySettings,
+    rests=True,
 )
 EXUDYN = SteppedEngine(
     "exudyn.py",
@@ -154,6 +158,8 @@ DRAKE = SteppedEngine(
         "drives with a heavy rotor; a body welded to the world as the ground of loops",
     ),
     settings=DrakeSettings,
+    stops=True,
+    rests=True,
 )
 BULLET = SteppedEngine(
     "bullet.py",
@@ -165,6 +171,8 @@ BULLET = SteppedEngine(
         "2000 iterations; an open loop is closed in one step, instead of 20 % of it; no damping",
     ),
     settings=IteratedSettings,
+    stops=True,
+    rests=True,
 )
 DART = SteppedEngine(
     "dart.py",
@@ -176,6 +184,8 @@ DART = SteppedEngine(
         "an open loop is closed in one step, instead of 1 % of it; no link falls asleep",
     ),
     settings=SteppedSettings,
+    stops=True,
+    rests=True,
 )
 BOX2D = SteppedEngine(
     "box2d.py",
@@ -189,6 +199,8 @@ BOX2D = SteppedEngine(
     settings=IteratedSettings,
     lacks=NO_ROTATION_IN_SPACE,
     planar=True,
+    stops=True,
+    rests=True,
 )
 RAPIER = HostedEngine(
     "rapier.py",

@@ -9,6 +9,7 @@ It needs Python 3.9 and NumPy, and imports nothing of proofmass.  A script of an
     def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates: ...
 """
 
+from .checks import Refused, Stopwatch
 from .geometry import frame_of_axis, in_space, matrix_of, turn_about
 from .impulses import (
     joint_motion,
@@ -29,8 +30,9 @@ from .mechanism import (
     NeutralLoop,
     NeutralMechanism,
     NeutralSpring,
+    WayToRest,
 )
-from .record import Refused, Stopwatch, record
+from .record import record
 from .runge_kutta import runge_kutta
 from .serve import load_beside
 from .tree import TreeRow, in_time, tree_rows
@@ -49,6 +51,7 @@ __all__ = [
     "Refused",
     "Stopwatch",
     "TreeRow",
+    "WayToRest",
     "frame_of_axis",
     "in_space",
     "in_time",

@@ -18,7 +18,7 @@ def link_forces(
     read: Callable[[int], LinkMotion],
     joint: Callable[[int], tuple] | None = None,
 ) -> Iterator[tuple]:
-    """The forces of springs between points and of loads in a step, and those of joints.
+    """The forces of springs between points, loads and drag in a step, and those of joints.
 
     Parameters
     ----------
@@ -36,14 +36,22 @@ def link_forces(
         The number of a moving link, a point of it [m], and the force and the moment on it [N, N m],
         in the world.
     """
+    known: dict[int, LinkMotion] = {}
+
+    def moves(k: int) -> LinkMotion:
+        """The motion of a moving link, which is read once."""
+        if k not in known:
+            known[k] = read(k)
+        return known[k]
+
     for load in mechanism.loads:
-        motion, share = read(load.link), load.share_in(step)
+        motion, share = moves(load.link), load.share_in(step)
         axes = share * (motion[1] if load.follows else np.eye(3))
         place = point_motion(mechanism, motion, load.link, load.at)[0]
         yield load.link, place, axes @ load.force, axes @ load.moment
     for spring in mechanism.springs:
         ends = [
-            point_motion(mechanism, read(k) if k else None, k, at)
+            point_motion(mechanism, moves(k) if k else None, k, at)
             for k, at in ((spring.a, spring.on_a), (spring.b, spring.on_b))
         ]
         gap, rate = ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]
@@ -52,13 +60,18 @@ def link_forces(
         for link, (place, _), own in zip((spring.a, spring.b), ends, (force, -force)):
             if link:
                 yield link, place, own, np.zeros(3)
+    if mechanism.rest:
+        for k, link in enumerate(mechanism.links[1:], 1):
+            place, _, velocity, omega = moves(k)[:4]
+            drag = -mechanism.rest.drag * link.mass * velocity
+            yield k, place, drag, -mechanism.rest.drag * link.inertia @ omega
     if joint is not None:
         for j, one in enumerate(mechanism.joints):
             acts = one.is_sprung or one.damping or one.is_forced
             if acts and not mechanism.drive_of(j):
                 value, rate = joint(j)
                 size = one.passive_force(one.value + value, rate) + one.force_in(step)
-                yield from joint_forces(mechanism, j, size, read)
+                yield from joint_forces(mechanism, j, size, moves)
 
 
 def joint_forces(

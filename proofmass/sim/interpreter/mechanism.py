@@ -252,6 +252,38 @@ class DriveRows:
 
 
 @dataclass(frozen=True)
+class WayToRest:
+    """How a run comes to rest at each of its samples.
+
+    The drives and the loads of the step that begins at a sample are constant.  This step is
+    repeated until the links are at rest; the other steps up to the next sample lead to it.  The
+    inertia of the links has no effect on a rest: it is chosen for the way to it, and weights are
+    loads.
+
+    Attributes
+    ----------
+    drag : float
+        Every link has the force ``-drag m v`` at its centre and the moment ``-drag I omega``, with
+        its inertia I as in the start pose, a multiple of the unit matrix [1/s].
+    speed : float
+        Speed of the fastest link below which the mechanism is at rest [m/s]; that of a link is that
+        of its centre and its angular velocity times the size of the mechanism.
+    slow : float
+        Speed below which a mechanism that does not become slower counts as at rest [m/s].
+    block : int
+        Number of steps between two checks.
+    most : int
+        Number of steps after which a sample is given up.
+    """
+
+    drag: float
+    speed: float
+    slow: float
+    block: int
+    most: int
+
+
+@dataclass(frozen=True)
 class Mjcf:
     """The model in MuJoCo's own language, for hosts that read it.
 
@@ -335,6 +367,8 @@ class NeutralMechanism:
         velocities in the middle of steps [s].
     mjcf : Mjcf, optional
         Only for hosts that ask for it.
+    rest : WayToRest, optional
+        Of runs that come to rest at each sample; None for runs in time.
     """
 
     links: tuple
@@ -352,6 +386,7 @@ class NeutralMechanism:
     samples: int
     rates_at: float = 0.0
     mjcf: Any = None
+    rest: Any = None
 
     @property
     def is_planar(self) -> bool:
@@ -424,6 +459,8 @@ class LinkStates:
         them; empty: they follow from the states of the links.
     notes : tuple of str
         Remarks on the run, a sentence each.
+    steps : int
+        Number of steps of a run that comes to rest at its samples.
     """
 
     place: PlainArray
@@ -437,6 +474,7 @@ class LinkStates:
     failed: str = ""
     coordinates: PlainArray = field(default_factory=lambda: np.zeros(0))
     notes: tuple = ()
+    steps: int = 0
 
     @classmethod
     def empty(cls, mechanism: NeutralMechanism) -> LinkStates:
@@ -461,4 +499,5 @@ class LinkStates:
             failed=failed,
             coordinates=coordinates,
             notes=self.notes,
+            steps=self.steps,
         )

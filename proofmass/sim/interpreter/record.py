@@ -2,48 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
+from .checks import LOST_SIZES, Stopwatch, check_motions
 from .geometry import LinkMotion
 from .joint_rates import follow_joints
 from .mechanism import LinkStates, NeutralMechanism, PlainArray
-
-LOST_SIZES = 1e3
-"""Distance from the start, in sizes of the mechanism, beyond which a run is lost."""
-
-
-class Refused(Exception):
-    """The engine cannot express something of the mechanism; the message names it."""
-
-
-class Stopwatch:
-    """Processor time in a ``with`` block [s]."""
-
-    def __enter__(self) -> Stopwatch:
-        self.began, self.seconds = time.process_time(), 0.0
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.seconds = time.process_time() - self.began
-
-
-def check_motions(motions: list[LinkMotion]) -> None:
-    """Raise ValueError if a motion is no `LinkMotion`."""
-    for k, one in enumerate(motions, 1):
-        if len(one) not in (4, 6):
-            raise ValueError(
-                f"read({k}) returned {len(one)} things, not 4, or 6 with accelerations"
-            )
-        shapes = [np.shape(part) for part in one]
-        if shapes != [(3,), (3, 3), *[(3,)] * (len(one) - 2)]:
-            raise ValueError(
-                f"read({k}) returned arrays of the shapes {shapes}; expected place (3,), rotation "
-                "(3, 3), velocity (3,) and angular velocity (3,)"
-            )
+from .rests import record_rests
 
 
 def record(
@@ -53,6 +20,8 @@ def record(
     joint: Callable[[int], tuple] | None = None,
 ) -> LinkStates:
     """Step through a run, and record the states of all links at its samples.
+
+    A run that comes to rest at its samples is that of `record_rests`.
 
     Where `read` gives no accelerations, those at a sample are the difference quotients of the
     velocity over the step that begins at it.  Where the rates of the start are those half a step
@@ -76,6 +45,8 @@ def record(
     LinkStates
         They end before the first sample that is not finite or lost.
     """
+    if mechanism.rest:
+        return record_rests(mechanism, step, read, joint)
     states, links = LinkStates.empty(mechanism), range(1, len(mechanism.links))
     count, h, middle = mechanism.count, mechanism.step, mechanism.rates_at < 0
     number, watch = 0, Stopwatch()

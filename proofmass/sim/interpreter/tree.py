@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from .checks import Refused
 from .geometry import frame_of_axis
 from .mechanism import NeutralJoint, NeutralMechanism, PlainArray
-from .record import Refused
 
 
 @dataclass(frozen=True)

@@ -53,8 +53,6 @@ WORDS: Mapping[str, Any] = {
 class HostedMujoco(HostedEngine):
     """MuJoCo in another version, or another program that reads its models."""
 
-    stops = True
-
     def __init__(
         self,
         script: str,
@@ -65,7 +63,13 @@ class HostedMujoco(HostedEngine):
         oldest: str = "",
     ) -> None:
         super().__init__(
-            script, requires, title=title, about=about, settings=MujocoSettings, oldest=oldest
+            script,
+            requires,
+            title=title,
+            about=about,
+            settings=MujocoSettings,
+            stops=True,
+            oldest=oldest,
         )
         self.support = SUPPORT  # type: ignore[misc]
 

@@ -1,10 +1,9 @@
 """Channels that are not read from MuJoCo's sensors: moments of drives, and channels left out."""
 
 import mujoco
-import numpy as np
 
 from proofmass.base.arrays import Array
-from proofmass.sim.contents import gear_of_force, joint_of
+from proofmass.sim.contents import force_left_out, gear_of_force, joint_of
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, is_acceleration
 
@@ -52,15 +51,7 @@ def withhold_interactions(record: Recorder) -> dict[str, str]:
     Returns the channels that were taken out, with the reason.
     """
     model = record.model
-    others = [k for k in range(model.nu) if joint_of(model, k) < 0]
-    pulling = [t for t in range(model.ntendon) if exerts_force(model, t)]
-    what = (
-        f"actuator {model.actuator(others[0]).name!r}, which acts on no joint"
-        if others
-        else f"tendon {model.tendon(pulling[0]).name!r}"
-        if pulling
-        else ""
-    )
+    what = force_left_out(model)
     missing = {
         channel: FORCE_LEFT_OUT.format(what)
         for channel, (index, _) in record.sensors.items()
@@ -69,22 +60,6 @@ def withhold_interactions(record: Recorder) -> dict[str, str]:
     for channel in missing:
         del record.sensors[channel]
     return missing
-
-
-def exerts_force(model: mujoco.MjModel, t: int) -> bool:
-    """Whether tendon number t exerts forces, so that it does more than measure a length."""
-    own = (
-        model.tendon_stiffness,
-        model.tendon_stiffnesspoly,
-        model.tendon_damping,
-        model.tendon_dampingpoly,
-        model.tendon_frictionloss,
-        model.tendon_armature,
-        model.tendon_limited,
-    )
-    equalities = model.eq_active0.astype(bool) & (model.eq_type == mujoco.mjtEq.mjEQ_TENDON)
-    is_in_equality = t in np.concatenate([model.eq_obj1id[equalities], model.eq_obj2id[equalities]])
-    return is_in_equality or any(np.any(part[t]) for part in own)
 
 
 def interaction_indices(record: Recorder) -> list[int]:

@@ -22,8 +22,9 @@ PATH_SHARE = 1e-5
 coordinate of size 1 has seven digits, of which evaluation from states may change the last two."""
 ROUNDING = 1e-11
 """Error, as a share of the range, below which an error is rounding itself, and so is its change."""
-FEW = ("pendulum", "fourbar", "andrews", "driven_cart", "heavy_top", "delta")
-"""Cases of the quick test: springs between points, energies, a drive, balls, quaternions."""
+FEW = ("pendulum", "fourbar_forces", "andrews", "tower_crane", "heavy_top", "delta")
+"""Cases of the quick test: springs between points, energies, balls, quaternions, and moments of
+drives and forces of pins, in the plane and with a ball."""
 CASES = sorted(path.stem for path in MODELS.rglob("*.toml"))
 
 

@@ -94,6 +94,9 @@ class Box2dWorld:
             made = self.world.CreatePrismaticJoint(bodyA=pair[0], bodyB=pair[1], **place)
             made.maxMotorForce = MOTOR_LIMIT
         made.motorEnabled = driven
+        if joint.limits:
+            made.limits = sorted((self.sense(j) * (np.array(joint.limits) - joint.value)).tolist())
+            made.limitEnabled = True
         return made
 
     def step(self, i):

@@ -20,7 +20,9 @@ LINK = """<link name="{name}"><inertial><origin xyz="{at[0]} {at[1]} {at[2]}"/>
 izz="{2[2]}"/></inertial></link>"""
 JOINT = """<joint name="joint{j}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
 <origin xyz="{at[0]} {at[1]} {at[2]}"/><axis xyz="{axis[0]} {axis[1]} {axis[2]}"/>
-<limit lower="1" upper="-1" effort="0" velocity="0"/></joint>"""  # no limit if lower > upper
+<limit lower="{ends[0]}" upper="{ends[1]}" effort="0" velocity="0"/></joint>"""
+NEAR_STOP, STOP_WAY = 1e-9, 1e-15  # distance of a joint on its stop, and its way there in a step
+NO_ENDS = 1.0, -1.0  # Bullet's words for a joint without a range
 
 
 def matrix(quaternion):
@@ -39,7 +41,15 @@ def tree_text(mechanism, root):
         last = j == own[-1]  # the others of a row have links without mass
         parent, origin = ends[one.parent if j == own[0] else k]
         child = f"link{k}" if last else f"row{j}"
-        what = {"kind": KINDS[one.kind], "parent": parent, "child": child, "axis": one.axis}
+        ends_of_range = np.array(one.limits) - one.value if one.limits else NO_ENDS
+        kind = "revolute" if one.limits and one.kind == "hinge" else KINDS[one.kind]
+        what = {
+            "kind": kind,
+            "ends": ends_of_range,
+            "parent": parent,
+            "child": child,
+            "axis": one.axis,
+        }
         lines.append(JOINT.format(j=j, at=one.anchor - origin, **what))
         what = {"name": child, "at": link.centre - one.anchor, "mass": last * link.mass}
         lines.append(LINK.format(*last * link.inertia, **what))
@@ -58,7 +68,7 @@ class BulletTrees:
             self.load_tree(root, settings["defaults"])
         self.places[0] = -1, -1  # not the base, which Bullet does not take in constraints
         if not settings["defaults"]:
-            own = {"solverResidualThreshold": 0.0, "erp": ERROR_REDUCTION}
+            own = {"solverResidualThreshold": 0.0, "erp": ERROR_REDUCTION, "useSplitImpulse": 0}
             bullet.setPhysicsEngineParameter(numSolverIterations=settings["iterations"], **own)
         for loop in mechanism.loops:
             a, b = (loop.a, loop.on_a), (loop.b, loop.on_b)
@@ -129,10 +139,20 @@ class BulletTrees:
                 value, rate = bullet.getJointState(*where)[:2]
                 force = joint.passive_force(joint.value + value, rate) + joint.force_in(i)
                 bullet.setJointMotorControl2(*where, bullet.TORQUE_CONTROL, force=force)
+            if joint.limits:
+                self.hold_stops(where, np.array(joint.limits) - joint.value)
         for k, place, force, moment in host.link_forces(self.mechanism, i, self.read):
             bullet.applyExternalForce(*self.places[k], force, place, bullet.WORLD_FRAME)
             bullet.applyExternalTorque(*self.places[k], moment, bullet.WORLD_FRAME)
         bullet.stepSimulation()
+
+    def hold_stops(self, where, ends):
+        """Move a stop that a joint rests on inwards: Bullet's acts on a joint beyond it only."""
+        value = bullet.getJointState(*where)[0]
+        low, high = ends + (np.abs(value - ends) < NEAR_STOP) * (
+            value - ends + (STOP_WAY, -STOP_WAY)
+        )
+        bullet.changeDynamics(*where, jointLowerLimit=low, jointUpperLimit=high)
 
     def read(self, k):
         """The motion of a link."""

@@ -82,6 +82,10 @@ class DartTree:
             made.setVelocities(self.start_rates(joint))
         if self.mechanism.drive_of(j):
             made.setActuatorType(VELOCITY)
+        if joint.limits:
+            made.setPositionLowerLimit(0, joint.limits[0] - joint.value)
+            made.setPositionUpperLimit(0, joint.limits[1] - joint.value)
+            made.setLimitEnforcement(True)
         self.joints[j] = made
         return node
 

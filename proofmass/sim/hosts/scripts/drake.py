@@ -31,6 +31,8 @@ class DrakeRun:
 
     def __init__(self, mechanism, settings):
         self.mechanism, self.exact = mechanism, settings["scheme"] == "continuous"
+        if self.exact and mechanism.rest:
+            raise host.Refused("a rest in continuous time")
         slack = tuple(one for one in mechanism.springs if not 0 < one.slack[0] == one.slack[1])
         self.by_hand, self.rows, self.number = replace(mechanism, springs=slack), [], 0
         if self.exact and (mechanism.loops or mechanism.gears or slack):
@@ -88,6 +90,10 @@ class DrakeRun:
         far = tree.FixedOffsetFrame(f"far {j}", child.body_frame(), RigidTransform(at - centre))
         frames, axis = [plant.AddFrame(frame) for frame in (near, far)], [one.axis]
         joint = plant.AddJoint(kind(f"joint {j}", *frames, *axis[: one.kind in SINGLE]))
+        if one.limits:
+            if self.exact:
+                raise host.Refused(f"range of joint {one.name!r} in continuous time")
+            joint.set_position_limits(*([end - one.value] for end in one.limits))
         joint.set_default_damping_vector(np.full(joint.num_velocities(), one.damping))
         spring = tree.RevoluteSpring if one.kind == "hinge" else tree.PrismaticSpring
         if one.acting[0]:
@@ -171,7 +177,7 @@ class DrakeRun:
     def step(self, i):
         """Make step number i."""
         self.apply(i)
-        self.number = i + 1
+        self.number += 1
         self.simulator.AdvanceTo(self.number * self.mechanism.step)
 
     def read(self, k):

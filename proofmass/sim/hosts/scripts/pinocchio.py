@@ -23,6 +23,8 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     """Integrate by RK4, and read the links at the samples."""
     motion = ProximalMotion(mechanism, settings)
     states = record(mechanism, motion.step, motion.read)
+    if mechanism.rest:
+        return states
     rows = np.array(motion.samples[: len(states.place)]).transpose(1, 0, 2)
     states.coordinates = np.where([one.kind in SINGLE for one in mechanism.joints], rows, np.nan)
     return states
@@ -90,6 +92,9 @@ class ProximalMotion:
             if one.kind in SINGLE:
                 motor = one.force[half % one.force.size]
                 force[i] = motor + one.passive_force(one.value + q[k], v[i])
+        if self.mechanism.rest:
+            upper = np.triu(pin.crba(self.model, self.data, q))  # the lower half is not set
+            force -= self.mechanism.rest.drag * (upper + np.triu(upper, 1).T) @ v
         pin.computeJointJacobians(self.model, self.data, q)
         for one in self.mechanism.springs:
             gap, lever = self.gap(one)

@@ -16,6 +16,12 @@ import pymunk
 VERSIONS = {"pymunk": pymunk.version, "numpy": np.__version__}
 VERSIONS["chipmunk"] = pymunk.chipmunk_version
 CHIPMUNK_ITERATIONS = 10
+STOP_LEAD = 1e-12
+"""Distance of a stop before the end of the range [rad or m].  A stop of Chipmunk acts only on a
+joint beyond it, so that a joint is put back to this distance beyond its stop."""
+NO_CORRECTION = 1e-30
+"""Way by which a stop puts a joint back that is where it should be [rad or m]; without any way it
+would not act."""
 GROOVE_SIZES = 100.0
 """Half length of the groove of a slide, in sizes of the mechanism."""
 
@@ -25,7 +31,7 @@ class PlainSpace:
 
     def __init__(self, mechanism, settings):
         self.mechanism, self.space, defaults = mechanism, pymunk.Space(), settings["defaults"]
-        self.bodies = [self.space.static_body]
+        self.bodies, self.stops = [self.space.static_body], {}
         self.space.gravity = self.flat(mechanism.gravity)
         self.space.iterations = CHIPMUNK_ITERATIONS if defaults else settings["iterations"]
         for k, start in enumerate(zip(*host.start_of_links(mechanism))):
@@ -88,8 +94,24 @@ class PlainSpace:
         """The constraints of a joint."""
         joint = self.mechanism.joints[j]
         if joint.kind == "hinge":
-            return [self.pivot(joint.parent, joint.child, joint.anchor, joint.anchor)]
-        return [pymunk.GearJoint(*self.pair(j), 0.0, 1.0), self.groove(j)]
+            made = [self.pivot(joint.parent, joint.child, joint.anchor, joint.anchor)]
+        else:
+            made = [pymunk.GearJoint(*self.pair(j), 0.0, 1.0), self.groove(j)]
+        if joint.limits:
+            self.stops[j] = self.stop(j, np.array(joint.limits) - joint.value)
+            made.append(self.stops[j])
+        return made
+
+    def stop(self, j, ends):
+        """The stops of a joint at the ends of its range, a margin before them."""
+        joint, size = self.mechanism.joints[j], GROOVE_SIZES * self.mechanism.size
+        low, high = ends + STOP_LEAD * np.array([1.0, -1.0])
+        if joint.kind == "hinge":
+            ends = sorted((self.mechanism.turn_of(j) * low, self.mechanism.turn_of(j) * high))
+            return pymunk.RotaryLimitJoint(*self.pair(j), *ends)
+        far = self.local(joint.parent, joint.anchor - size * joint.axis)
+        near = self.local(joint.child, joint.anchor)
+        return pymunk.SlideJoint(*self.pair(j), far, near, size + low, size + high)
 
     def gear(self, gear):
         """Couple two hinges, if that is a coupling of two links."""
@@ -121,6 +143,11 @@ class PlainSpace:
             else:
                 way = self.flat(value * joint.axis)
                 made.groove_a, made.groove_b = (end + way for end in made.start)
+        for j, made in self.stops.items():
+            joint, value = self.mechanism.joints[j], self.joint(j)[0]
+            low, high = np.array(joint.limits) - joint.value
+            beyond = max(low - value, value - high)
+            made.max_bias = max(beyond, NO_CORRECTION) / self.mechanism.step
         normal = self.mechanism.plane[2]
         for k, place, force, moment in host.link_forces(self.mechanism, i, self.read, self.joint):
             arm = place - self.read(k)[0]

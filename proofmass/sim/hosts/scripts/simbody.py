@@ -6,7 +6,7 @@ expressions, tables in time splines; several joints of a link act through bodies
 
 import numpy as np
 import opensim
-from proofmass_host import LinkStates, NeutralMechanism, Refused, Stopwatch
+from proofmass_host import LinkStates, NeutralMechanism, Refused, Stopwatch, record
 
 opensim.Logger.setLevelString("Off")
 VERSIONS = {"opensim": opensim.__version__, "numpy": np.__version__}
@@ -59,6 +59,10 @@ class OpenSimModel:
             coupler.setFunction(opensim.LinearFunction(float(gear.ratio), float(level)))
             self.model.addConstraint(coupler)
         self.add_springs_and_loads()
+        if mechanism.rest:
+            for body, link in zip(self.bodies[1:], mechanism.links[1:]):
+                self.add_drag(body, link)
+        self.state, self.manager, self.goals = self.model.initSystem(), None, {}
 
     def end(self, link, at):
         """A body and a point of it, given at the start."""
@@ -90,6 +94,8 @@ class OpenSimModel:
     def act_in_joint(self, j, one, coordinate):
         """Add the drive of a coordinate, or its spring, damper and motor."""
         drive, name = self.mechanism.drive_of(j), coordinate.getName()
+        if drive and self.mechanism.rest:
+            return
         if drive:
             coordinate.setPrescribedFunction(motion_of(drive, self.half, one.value))
             coordinate.setDefaultIsPrescribed(True)
@@ -124,6 +130,45 @@ class OpenSimModel:
             load.setTorqueFunctions(*(function_of(one.share * x, self.half) for x in one.moment))
             self.model.addForce(load)
 
+    def add_drag(self, body, link):
+        """Add the drag of a link as dampers from the ground, with the normal of the plane as z."""
+        plane = self.mechanism.plane if self.mechanism.is_planar else np.eye(3)
+        axes = opensim.Rotation(opensim.Mat33(*plane.T.ravel().tolist()))
+        frames = [
+            opensim.PhysicalOffsetFrame(end, opensim.Transform(axes, opensim.Vec3(0)))
+            for end in (self.bodies[0], body)
+        ]
+        for k, frame in enumerate(frames):
+            frame.setName(f"drag_{k}_{body.getName()}")
+            self.model.addComponent(frame)
+        sizes = (0.0, 0.0, link.mass, link.inertia[0, 0])
+        sizes = [opensim.Vec3(float(self.mechanism.rest.drag * one)) for one in sizes]
+        self.model.addForce(opensim.BushingForce(f"drag_{body.getName()}", *frames, *sizes))
+
+    def step(self, i):
+        """Integrate over a step with the drives locked at their next values."""
+        joints, state = self.mechanism.joints, self.state
+        goals = {one.joint: float(one.value[2 * i + 2]) for one in self.mechanism.drives}
+        if goals != self.goals or not self.manager:
+            for j, goal in goals.items():
+                self.coordinates[j].setLocked(state, False)
+                self.coordinates[j].setValue(state, goal - joints[j].value, False)
+                self.coordinates[j].setLocked(state, True)
+            self.model.assemble(state)
+            manager = opensim.Manager(self.model)
+            manager.setIntegratorAccuracy(self.accuracy)
+            manager.initialize(state)  # a copy: the state is that of the manager before
+            self.manager, self.goals = manager, goals
+        self.state = self.manager.integrate(self.manager.getState().getTime() + self.mechanism.step)
+
+    def motion(self, k):
+        """Place, rotation, velocity and angular velocity of a link."""
+        self.model.realizeVelocity(self.state)
+        frame = self.bodies[k].getTransformInGround(self.state)
+        turn = np.array([[frame.R().get(i, j) for j in range(3)] for i in range(3)])
+        rates = (getattr(self.bodies[k], f"get{of}InGround")(self.state) for of in RATES[:2])
+        return frame.p().to_numpy(), turn, *(one.to_numpy() for one in rates)
+
     def read(self, states, sample, state):
         """Keep the states of all links and joints at a sample."""
         self.model.realizeAcceleration(state)
@@ -143,7 +188,10 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     """Integrate from sample to sample."""
     own, states = OpenSimModel(mechanism), LinkStates.empty(mechanism)
     states.coordinates = np.full((3, mechanism.samples, len(mechanism.joints)), np.nan)
-    state, manager = own.model.initSystem(), opensim.Manager(own.model)
+    if mechanism.rest:
+        own.accuracy = settings["accuracy"]
+        return record(mechanism, own.step, own.motion)
+    state, manager = own.state, opensim.Manager(own.model)
     if not settings["defaults"]:
         manager.setIntegratorAccuracy(settings["accuracy"])
     with Stopwatch() as watch:

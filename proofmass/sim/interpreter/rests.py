@@ -1,0 +1,108 @@
+"""Steps until a mechanism is at rest, sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from .checks import LOST_SIZES, Stopwatch, check_motions
+from .geometry import LinkMotion
+from .mechanism import LinkStates, NeutralMechanism
+
+SLOWER = 0.5
+"""Share of the least speed so far that counts as slower."""
+PATIENCE = 40
+"""Checks after which a mechanism that has not become slower is as slow as it becomes.  Its speed
+halves within a few checks as long as it is more than rounding, or what constraints leave open."""
+
+
+CALM_CHECKS = 8
+"""Successive checks, about a period of the slowest oscillation, whose largest speed counts: an
+oscillation is slow where it turns."""
+
+
+class NoRest(Exception):
+    """A mechanism does not come to rest; the message says why."""
+
+
+def record_rests(
+    mechanism: NeutralMechanism,
+    step: Callable[[int], None],
+    read: Callable[[int], LinkMotion],
+    joint: Callable[[int], tuple] | None = None,
+) -> LinkStates:
+    """Record the links at rest at the samples, see `WayToRest`; the arguments: see `record`.
+
+    Returns
+    -------
+    LinkStates
+        They end before the first sample at which the mechanism does not come to rest.
+    """
+    states, links = LinkStates.empty(mechanism), range(1, len(mechanism.links))
+    singles = [j for j, one in enumerate(mechanism.joints) if one.kind in ("hinge", "slide")]
+    if joint:
+        states.coordinates = np.full((3, mechanism.samples, len(mechanism.joints)), np.nan)
+    check_motions([read(k) for k in links])
+    found, steps, watch = states, 0, Stopwatch()
+    with watch, np.errstate(all="ignore"):
+        for sample in range(mechanism.samples):
+            first = sample * mechanism.count
+            try:
+                steps += come_to_rest(mechanism, partial(step, first), read)
+            except NoRest as error:
+                found = states.first(sample, f"{error} at sample {sample}")
+                break
+            for k in links:
+                states.place[sample, k], states.turn[sample, k] = read(k)[:2]
+            if joint is not None:
+                for j in singles:
+                    value = joint(j)[0] + mechanism.joints[j].value
+                    states.coordinates[:, sample, j] = value, 0.0, 0.0
+            for i in range(1, mechanism.count if sample < mechanism.samples - 1 else 1):
+                step(first + i)
+            steps += mechanism.count - 1
+    found.seconds, found.steps = watch.seconds, steps
+    return found
+
+
+def come_to_rest(
+    mechanism: NeutralMechanism, step: Callable[[], None], read: Callable[[int], LinkMotion]
+) -> int:
+    """Repeat a step until the links are at rest at all checks of a period.
+
+    Returns the number of steps.
+
+    Raises
+    ------
+    NoRest
+        They are still too fast when they do not become slower, or after `WayToRest.most` steps.
+    """
+    rest, least, waited, recent = mechanism.rest, np.inf, 0, [np.inf] * CALM_CHECKS
+    for steps in range(rest.block, rest.most + 1, rest.block):
+        for _ in range(rest.block):
+            step()
+        recent = [*recent[1:], fastest_link(mechanism, read)]
+        speed, waited = max(recent), waited + 1
+        if not np.isfinite(recent[-1]):
+            raise NoRest("a position is not finite or lost")
+        if speed < rest.speed:
+            return steps
+        if speed < SLOWER * least:
+            least, waited = speed, 0
+        if waited >= PATIENCE:
+            break
+    if speed < rest.slow:
+        return steps
+    raise NoRest(f"not at rest after {steps} steps, the fastest link moves at {speed:.2g} m/s")
+
+
+def fastest_link(mechanism: NeutralMechanism, read: Callable[[int], LinkMotion]) -> float:
+    """Speed of the fastest link, see `WayToRest.speed`; infinite if the mechanism is lost [m/s]."""
+    motions = [read(k) for k in range(1, len(mechanism.links))]
+    places = np.array([one[0] for one in motions])
+    if not np.abs(places).max() < LOST_SIZES * mechanism.size:
+        return np.inf
+    linear, turning = (np.linalg.norm([one[i] for one in motions], axis=1) for i in (2, 3))
+    return float((linear + mechanism.size * turning).max())

@@ -1,0 +1,281 @@
+"""Sweeps and equilibria of engines that only step in time: they come to rest at each sample.
+
+The engine of the quick tests is pymunk by the script of other interpreters, in this interpreter.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.case.case import Case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import prescribed_run
+from proofmass.sim.balance import ForceBalance
+from proofmass.sim.engines import engine_of
+from proofmass.sim.hosts.engine import About, HostedEngine
+from proofmass.sim.hosts.engines import PYMUNK
+from proofmass.sim.interpreter.mechanism import WayToRest
+from proofmass.sim.interpreter.rests import CALM_CHECKS, NoRest, come_to_rest
+from proofmass.sim.protocol.failures import Diverged, Unsupported
+from proofmass.sim.protocol.run import Run
+from proofmass.sim.resting import FASTEST_PHASE, RestReader, read_rest
+from proofmass.verdict.compare import compare
+from tests.engines import why_not_there
+from tests.shipped import shipped, shipped_case
+
+HERE = HostedEngine(
+    "pymunk_plain.py",
+    tuple(f"{name}=={version}" for name, version in (("pymunk", PYMUNK.version),)),
+    title="pymunk",
+    about=About("as shipped", "MIT"),
+    settings=PYMUNK.settings,
+    lacks=PYMUNK.lacks,
+    planar=True,
+    stops=True,
+    rests=True,
+    python=sys.executable,
+)
+AT_REST = 1e-9
+"""Error over the range of a rest: the speed at which the engine counts as at rest lets the pose
+change by 1e-11 of the size; the slowest of these mechanisms turn such a way into ten times as much,
+and pins near a dead centre into ten times that."""
+
+
+def few(name: str, kind: str, samples: int) -> tuple[Case, Run]:
+    """A shipped case, and its run with few samples."""
+    case = shipped_case(shipped(f"{name}.toml"))
+    run = case.run[kind].model_copy(update={"n": samples})
+    case = case.model_copy(update={"run": {kind: run}, "refine": None})
+    return case, prescribed_run(case, kind)
+
+
+def errors(case: Case, run: Run, engine: HostedEngine = HERE) -> dict[str, float]:
+    """By channel the error over the range; channels that the engine has not are left out."""
+    curves = engine.simulate(case.model_path, run)
+    found = compare(case, run.kind, "pymunk", curves, detectable=False)
+    return {c.channel: c.relative_to_range for c in found if c.channel in curves.channels}
+
+
+@pytest.mark.parametrize(
+    ("name", "samples", "channels"),
+    [
+        ("balancer_sine", 5, {"deflection3", "segment2.angle", "holding_moment", "node2_force.y"}),
+        ("springs_series", 5, {"gap", "stretch2", "force", "energy"}),
+        ("balancer_progressive_contact", 5, {"deflection2", "holding_moment", "node2_load.z"}),
+        ("fourbar", 5, {"rocker", "holding_moment"}),
+    ],
+    ids=["springs", "stop that opens", "stop that is met", "drives alone"],
+)
+def test_rest_is_that_of_the_reference(name: str, samples: int, channels: set[str]) -> None:
+    """Poses, moments of drives and forces between bodies, of springs, stops and drives alone."""
+    found = errors(*few(name, "sweep", samples))
+    assert channels <= found.keys()
+    assert {channel: share for channel, share in found.items() if share > AT_REST} == {}
+
+
+def test_rest_of_a_rod_is_that_of_its_chain() -> None:
+    """A cantilever of six links falls to the rest that Newton's method finds in MuJoCo."""
+    case, run = few("rod_cantilever", "equilibrium", 41)
+    case = case.with_segments({"rod": 6})
+    run = replace(run, rods=case.rods)
+    found, same = (
+        engine.simulate(case.model_path, run).channels for engine in (HERE, engine_of("mujoco"))
+    )
+    assert found.keys() == same.keys() == {"rod.x", "rod.y", "rod.angle", "rod.moment"}
+    for channel, curve in found.items():
+        assert np.abs(curve - same[channel]).max() < AT_REST * np.ptp(same[channel])
+    assert max(errors(case, run).values()) > 1e-3  # of six links
+
+
+def test_another_stiffness_shows(tmp_path: Path) -> None:
+    """A rest is that of the engine's own springs: one that is stiffer by 1e-4 shows by as much."""
+    text = shipped("balancer_sine.xml").read_text().replace("0.4359", "0.43594359")
+    (tmp_path / "balancer_sine.xml").write_text(text)
+    (tmp_path / "balancer_sine.toml").write_text(shipped("balancer_sine.toml").read_text())
+    case = load_case(tmp_path / "balancer_sine.toml")
+    _, run = few("balancer_sine", "sweep", 5)
+    found = errors(case, run)
+    assert found["deflection2"] > 1e-5
+    assert found["deflection2"] < 1e-3
+
+
+def test_rates_are_missing_with_the_reason() -> None:
+    """At rest there are no rates: their channels say so, and none is zero."""
+    case, run = few("fourbar", "sweep", 3)
+    curves = HERE.simulate(case.model_path, run)
+    assert "no rates" in curves.missing["rocker_rate"]
+    assert curves.derivatives == 0
+    assert curves.steps > 0
+
+
+def test_a_sweep_with_inertia_is_refused() -> None:
+    """A sweep with inertia has rates, which a rest has not."""
+    case, run = few("fourbar", "sweep", 3)
+    with pytest.raises(Unsupported, match="a sweep with inertia"):
+        HERE.simulate(case.model_path, replace(run, inertia=True))
+
+
+def test_an_engine_without_rests_is_named() -> None:
+    """A script that does not come to rest is stepped in time only."""
+    case, run = few("fourbar", "sweep", 3)
+    engine = engine_of("exudyn")
+    assert isinstance(engine, HostedEngine)
+    assert not engine.rests
+    with pytest.raises(Unsupported, match="stepped in time only"):
+        engine.simulate(case.model_path, run)
+
+
+def test_joints_that_nothing_holds_are_refused(tmp_path: Path) -> None:
+    """A joint without spring, weight or load has no rest."""
+    file = tmp_path / "free.xml"
+    file.write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="drive"/>'
+        '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><body><joint name="idle"/>'
+        '<inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody>'
+        '<keyframe><key name="start"/></keyframe></mujoco>'
+    )
+    run = replace(few("fourbar", "sweep", 3)[1], channels=())
+    drive = replace(run.drives[0], joint="drive")
+    with pytest.raises(Unsupported, match="no spring, weight or load holds"):
+        read_rest(file, replace(run, drives=(drive,)))
+
+
+def reader_of(name: str, samples: int = 9) -> RestReader:
+    """The reader of a sweep with few samples."""
+    case, run = few(name, "sweep", samples)
+    return read_rest(case.model_path, run)
+
+
+def test_inertia_and_drag_fit_the_step() -> None:
+    """Two springs of 100 and 300 N/m hold a body: its phase in a step and its drag are as meant."""
+    reader = reader_of("springs_series")
+    mechanism = reader.mechanism()
+    middle = next(link for link in mechanism.links if link.name == "middle")
+    frequency = np.sqrt((100.0 + 300.0) / middle.mass)
+    assert frequency * mechanism.step <= FASTEST_PHASE * (1 + 1e-6)
+    assert mechanism.rest.drag == pytest.approx(2.0 * frequency, rel=1e-6)
+
+
+def test_path_holds_at_samples_and_moves_between() -> None:
+    """Drives stand still in the step at each sample, and their rates are those of their values."""
+    reader = reader_of("balancer_sine")
+    mechanism, x = reader.mechanism(), reader.run.x
+    (drive,) = mechanism.drives
+    wanted = reader.run.motion(x)[0][0]
+    first = 2 * mechanism.count * np.arange(x.size)
+    for k in range(3):
+        assert drive.value[first + k] == pytest.approx(wanted, abs=1e-15)
+        assert not drive.rate[first + k].any()
+    moves = np.add.outer(first[:-1], np.arange(3, 2 * mechanism.count)).ravel()
+    slopes = np.diff(drive.value)[moves] / (0.5 * mechanism.step)
+    middles = 0.5 * (drive.rate[moves] + drive.rate[moves + 1])
+    assert np.abs(slopes - middles).max() < 0.2 * np.abs(slopes).max()
+
+
+def test_weights_become_loads() -> None:
+    """Links have other masses, and the weights of the model: their sum and moment are the same."""
+    reader = reader_of("fourbar", 3)
+    mechanism, model, data = reader.mechanism(), reader.model, reader.data
+    assert not mechanism.gravity.any()
+    total = sum(load.share[0] * load.force for load in mechanism.loads)
+    assert total == pytest.approx(model.body_mass.sum() * model.opt.gravity)
+    moment = sum(np.cross(load.at, load.force) for load in mechanism.loads)
+    weights = model.body_mass[:, None] * model.opt.gravity
+    assert moment == pytest.approx(np.cross(data.xipos, weights).sum(axis=0))
+
+
+REST = WayToRest(1.0, 1e-6, 1e-2, 1, 500)
+
+
+def resting(speeds: Iterator[float]) -> int:
+    """Steps until links with these speeds are at rest."""
+    mechanism = SimpleNamespace(rest=REST, links=(None, None), size=1.0)
+    now = [0.0]
+
+    def step() -> None:
+        now[0] = next(speeds)
+
+    return come_to_rest(
+        mechanism,  # type: ignore[arg-type]
+        step,
+        lambda k: (np.zeros(3), np.eye(3), np.array([now[0], 0.0, 0.0]), np.zeros(3)),
+    )
+
+
+def test_a_decaying_motion_comes_to_rest() -> None:
+    """The steps end with a period of slow checks."""
+    decay = (0.5**k for k in range(10_000))
+    assert resting(decay) == 20 + CALM_CHECKS  # 2^-20 is the first speed below 1e-6
+
+
+def test_rounding_is_a_rest_if_it_is_slow() -> None:
+    """A speed that stays at 1e-3 is accepted, one at 1 is not."""
+    assert resting(iter([1e-3] * 1000)) < REST.most
+    with pytest.raises(NoRest, match=r"not at rest after \d+ steps.*1 m/s"):
+        resting(iter([1.0] * 1000))
+
+
+def test_a_turning_point_is_no_rest() -> None:
+    """An oscillation whose speed is zero at many checks does not count as at rest."""
+    with pytest.raises(NoRest, match="not at rest"):
+        resting(abs(np.sin(0.5 * np.pi * k)) for k in range(10_000))
+
+
+def test_a_lost_link_is_no_rest() -> None:
+    """Speeds that are not finite end the run."""
+    with pytest.raises(NoRest, match="not finite or lost"):
+        resting(iter([1.0, np.nan]))
+
+
+def test_a_chain_that_falls_apart_is_diverged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that is given too few steps ends with the sample that has no rest."""
+    monkeypatch.setattr("proofmass.sim.resting.MAX_PERIODS", 0.1)
+    case, run = few("balancer_sine", "sweep", 5)
+    with pytest.raises(Diverged, match=r"not at rest after \d+ steps.*at sample \d \(x = "):
+        HERE.simulate(case.model_path, run)
+
+
+ENGINES = {"bullet": 1e-9, "dart": 1e-8, "simbody": 1e-8, "pinocchio": 1e-9, "drake": 3e-3}
+"""Errors over the range, by the way an engine closes loops: Drake's are stiff springs; Simbody's
+accuracy and DART's speeds at rest leave ten times as much as the others."""
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_engines_come_to_rest(name: str) -> None:
+    """Engines of their own interpreters find the rest of a balancer, with a preload on its stop."""
+    if why := why_not_there(name):
+        pytest.skip(why)
+    engine = engine_of(name)
+    assert isinstance(engine, HostedEngine)
+    assert max(errors(*few("balancer_sine", "sweep", 5), engine).values()) < ENGINES[name]
+    preloaded = few("balancer_sine_preload", "sweep", 5)
+    if engine.stops:
+        assert max(errors(*preloaded, engine).values()) < ENGINES[name]
+    else:
+        with pytest.raises(Unsupported, match="reaches the end of its range"):
+            errors(*preloaded, engine)
+
+
+def test_pins_on_the_ground_carry_the_weight() -> None:
+    """At rest the forces in the two pins of a four-bar on the ground add up to its weight."""
+    model = mujoco.MjModel.from_xml_path(str(shipped("fourbar_forces.xml")))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("start").id)
+    mujoco.mj_kinematics(model, data)
+    still = np.zeros(model.nv)
+    balance = ForceBalance(model, "start", [model.joint("crank").id])
+    _, loops = balance.forces(data.qpos, still, still, data.ctrl)
+    values = balance.sensors(still, loops)
+    total = np.zeros(3)
+    for name in ("crank_force", "rocker_force"):
+        sensor = model.sensor(name)
+        turn = data.site_xmat[sensor.objid[0]].reshape(3, 3)
+        total += turn @ values[sensor.adr[0] : sensor.adr[0] + 3]
+    weight = model.body_mass.sum() * model.opt.gravity
+    assert np.abs(total) == pytest.approx(np.abs(weight), abs=1e-9 * np.abs(weight).max())
