@@ -11,6 +11,8 @@ from proofmass.studies.diet import page as diet_page
 from proofmass.studies.diet.page import write_diet
 from proofmass.studies.diet.table import WHOLE_KIND, Entry, write_entries
 from proofmass.studies.diet.trial import Cost
+from proofmass.studies.engines.cost import write_costs
+from proofmass.studies.engines.cost_page import write_cost_page
 from proofmass.studies.record import StudyRow
 from proofmass.studies.stress import page as stress_page
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
@@ -18,11 +20,13 @@ from proofmass.studies.stress.page import write_stress
 from proofmass.studies.trade import page as trade_page
 from proofmass.studies.trade.page import write_trade
 from proofmass.studies.trade.trade import Trade, write_study
+from tests.studies.engines.cost_rows import compared, timed
 from tests.studies.trade.trade_rows import example_study
 from tests.visit import PHONE, Visit
 
 TRADE, STRESS, DIET = "trade/fourbar-dynamics-trade.html", "stress/index.html", "diet/index.html"
-PAGES = [TRADE, "trade/index.html", STRESS, DIET]
+COST = "engines/cost.html"
+PAGES = [TRADE, "trade/index.html", STRESS, DIET, COST]
 AXE_RULES, COLOUR_RULES = (
     ["wcag2a", "wcag2aa", "wcag21aa", "wcag22aa", "best-practice"],
     ["color-contrast"],
@@ -49,9 +53,9 @@ def boundary(parameter: str, engine: str, holds: float, **more: Any) -> Boundary
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the pages of three small studies, without their figures for papers."""
+    """The folder of the pages of four small studies, without their figures for papers."""
     out = tmp_path_factory.mktemp("studies")
-    for name in ("trade", "stress", "diet"):
+    for name in ("trade", "stress", "diet", "engines"):
         (out / name).mkdir()
     rows, verdicts = example_study()
     write_study(Trade([with_noisy_times(row) for row in rows], rows[:1], verdicts), out / "trade")
@@ -72,6 +76,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ]
     write_entries(entries, out / "diet" / "pendulum.csv")
     (out / "diet" / "pendulum.xml").write_text("<mujoco/>")
+    write_costs(compared(timed("mujoco", 1e-5), timed("drake", 3e-5)), out / "engines")
+    write_cost_page(out / "engines", out / "engines")
     with pytest.MonkeyPatch.context() as patch:
         for module in (trade_page, stress_page, diet_page):
             patch.setattr(module, save.__name__, lambda figure, file: "")
@@ -113,7 +119,10 @@ def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: A
 
 @pytest.mark.parametrize(
     ("name", "scheme"),
-    [(TRADE, "light"), (TRADE, "dark"), (PAGES[1], "light"), (STRESS, "dark"), (DIET, "light")],
+    [
+        *((TRADE, "light"), (TRADE, "dark"), (PAGES[1], "light"), (STRESS, "dark")),
+        *((DIET, "light"), (COST, "light"), (COST, "dark")),
+    ],
 )
 def test_axe_finds_no_accessibility_violation(
     name: str, scheme: str, folder: Path, browser: Any

@@ -41,7 +41,10 @@ class DrawnSetting(NamedTuple):
 
 @dataclass(frozen=True)
 class LineLook:
-    """How an engine looks on a page: CSS class, path of the marker, and dash pattern."""
+    """How an engine looks on a page: CSS class, path of the marker, and dash pattern.
+
+    The page defines the marker once, with the identifier ``mark-`` and the class.
+    """
 
     title: str
     css: str
@@ -179,9 +182,9 @@ def draw_line(panel: CostAxes, line: EngineLine) -> Iterator[str]:
     """The front of an engine with its intervals of time, and its other settings as dots."""
     look = line.look
     yield f'<g class="{look.css}">'
-    for one in line.others:
-        place = f'cx="{panel.x(one.time)}" cy="{panel.y(one.error)}"'
-        yield f'<circle class="other" {place} r="1.8"><title>{escape(one.words)}</title></circle>'
+    dots = "".join(f"M{panel.x(one.time)} {panel.y(one.error)}h0" for one in line.others)
+    if dots:  # one path: there are hundreds
+        yield f'<path class="other" d="{dots}"/>'
     points = [(panel.x(one.time), panel.y(one.error)) for one in line.front]
     path = " ".join(f"{x},{y}" for x, y in points)
     dash = f' stroke-dasharray="{look.dash}"' if look.dash else ""
@@ -190,8 +193,8 @@ def draw_line(panel: CostAxes, line: EngineLine) -> Iterator[str]:
         if one.high > one.low:
             yield f'<path class="spread" d="M{panel.x(one.low)} {y}H{panel.x(one.high)}"/>'
         yield (
-            f'<path class="point" transform="translate({x} {y})" d="{look.mark}">'
-            f"<title>{escape(one.words)}</title></path>"
+            f'<use class="point" href="#mark-{look.css}" x="{x}" y="{y}">'
+            f"<title>{escape(one.words)}</title></use>"
         )
     yield "</g>"
 
@@ -205,8 +208,8 @@ def draw_names(panel: CostAxes, lines: Sequence[EngineLine]) -> Iterator[str]:
     for line, (x, y), place in zip(lowest_first, ends, places, strict=True):
         yield f'<g class="{line.look.css}">'
         yield f'<path class="leader" d="M{x + 6} {y}L{margin - 4:g} {place}"/>'
-        mark = f'transform="translate({margin + 5:g} {place})" d="{line.look.mark}"'
-        yield f'<path class="point" {mark}/>'
+        mark = f'href="#mark-{line.look.css}" x="{margin + 5:g}" y="{place}"'
+        yield f'<use class="point" {mark}/>'
         title = escape(line.look.title)
         yield f'<text class="name" x="{margin + 15:g}" y="{place + 4}">{title}</text>'
         yield "</g>"

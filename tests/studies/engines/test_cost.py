@@ -15,9 +15,7 @@ from proofmass.commands.cli import app
 from proofmass.run.asked import with_engines
 from proofmass.studies.engines import cost as cost_module
 from proofmass.studies.engines.cost import (
-    ComparedEngine,
     EngineCosts,
-    MachineLoad,
     cost_record,
     describe_readings,
     measure_costs,
@@ -28,46 +26,16 @@ from proofmass.studies.engines.cost import (
 from proofmass.studies.engines.cost_figure import spread_names
 from proofmass.studies.engines.cost_page import conclude, write_cost_page
 from proofmass.studies.engines.page import write_engines
-from proofmass.studies.engines.ranking import ComparedCase
 from proofmass.studies.record import StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.study import Study
 from tests.shipped import shipped, shipped_case
 from tests.sim.hosts.test_host_process import SWING
+from tests.studies.engines.cost_rows import compared, timed
 from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all tests
-from tests.studies.trade.trade_rows import SPAN, series_rows
 
 BUDGET = 0.01
 """Processor time after which a series of the tests ends [s]: some settings of the pendulum."""
-
-
-def timed(engine: str, cost: float, **more: object) -> list[StudyRow]:
-    """Rows of second order whose timings differ by 2 %, measured on a loaded machine."""
-    rows = series_rows(engine, engine, 2.0, 100.0, cost=cost)
-    return [
-        replace(
-            row,
-            repeats=(row.seconds, 1.02 * row.seconds),
-            machine="Processor x 2",
-            load=4.0,
-            **more,  # type: ignore[arg-type]
-        )
-        for row in rows
-    ]
-
-
-def compared(*rows: list[StudyRow]) -> EngineCosts:
-    """A comparison of engines in a case."""
-    refused = StudyRow("trade", "fourbar", "dynamics", "box2d", "Box2D", "timestep", 1e-3)
-    refused = replace(refused, outcome="unsupported", message="link <b> & its ball joint")
-    every = tuple(row for own in [*rows, [refused]] for row in own)
-    engines = [
-        ComparedEngine("mujoco", "MuJoCo", 9, 1, float("nan"), 0.0, ""),
-        ComparedEngine("drake", "Drake", 9, 1, 1.5, 0.25, "half step", "loops as springs", "none"),
-        ComparedEngine("box2d", "Box2D", 1, 1, 0.3, 0.0, "half step"),
-    ]
-    machine = MachineLoad("Processor x 2", 2, 1.5, 3.5, 4.0, 4.0)
-    return EngineCosts([ComparedCase("fourbar", SPAN, every)], engines, machine, 0.5)
 
 
 @pytest.fixture
@@ -141,7 +109,9 @@ def test_ties_are_said(tmp_path: Path) -> None:
     assert next(conclude(tied)).startswith(
         "For an error of 1e-3 of the range in position MuJoCo and Drake are tied"
     )
-    assert "1 ≈ Drake" in page_text(tied, tmp_path)
+    text = page_text(tied, tmp_path)
+    assert "1 ≈ Drake" in text  # over all cases
+    assert re.search(r"s ≈ Drake", text)  # beside its time in the case
 
 
 def test_lines_of_the_figure_fall_to_the_right(costs: EngineCosts, tmp_path: Path) -> None:
@@ -162,6 +132,7 @@ def test_names_beside_a_figure_do_not_overlap() -> None:
     places = spread_names([300.0] * 9 + [14.0])
     assert all(one - two >= 15.0 for one, two in pairwise(places))
     assert min(places) > 12.0
+    assert max(places) == 300.0
 
 
 def test_readings_are_named_with_their_settings() -> None:

@@ -199,6 +199,14 @@ def test_medians_over_cases_count_what_is_not_reached_as_infinite() -> None:
     assert rank_engines(fewer)[1].rank == 0  # reached in half of the cases alone
 
 
+def test_an_engine_without_a_setting_as_fast_has_no_error_in_equal_time() -> None:
+    """Its fastest setting takes longer than equal time: this is said, and is no number."""
+    slow = rows_of("drake", 1e-2)
+    found = standings(slow, rows_of("mujoco"), rows_of("pymunk", 1.1e-5))
+    assert [isnan(one.in_equal_time.stated) for one in found] == [False, False, True]
+    assert [one.in_equal_time == inf for one in rank_engines(found)] == [False, False, True]
+
+
 def test_a_tie_in_the_median_is_a_tie_over_cases() -> None:
     """Engines within the noise of each other in all cases share the first place."""
     found = [
