@@ -17,9 +17,9 @@ from docs.make.marks import write_between
 from docs.make.pictures import CHROMIUM, chromium, few_colours, open_page, picture
 from proofmass.base.wording import number
 from proofmass.sim.engines import format_solver
-from proofmass.studies.engines.cost import RANKED_ERRORS, EngineCosts, read_costs
-from proofmass.studies.engines.cost_page import (
-    COST_PAGE,
+from proofmass.studies.engines.cost import RANKED_ERRORS, EngineCosts
+from proofmass.studies.engines.cost_page import COST_PAGE, read_costs
+from proofmass.studies.engines.cost_words import (
     conclude,
     describe_machine_load,
     describe_noise,

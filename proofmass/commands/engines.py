@@ -42,6 +42,11 @@ from proofmass.studies.engines.cost import (
     measure_costs,
     write_costs,
 )
+from proofmass.studies.engines.cost_words import (
+    describe_machine_load,
+    describe_noise,
+    state_word,
+)
 from proofmass.studies.engines.summary import summarize_engine
 from proofmass.studies.store import Store
 from proofmass.studies.study import Study
@@ -152,7 +157,12 @@ def compare_costs(
 
 
 def show_costs(costs: EngineCosts) -> None:
-    """Print the ranks of engines at equal cost for each error, by their errors of positions."""
+    """Print the ranks of engines at equal cost for each error, by their errors of positions.
+
+    What makes times uncertain is printed on standard error.
+    """
+    for sentence in (describe_machine_load(costs.machine), describe_noise(costs), *costs.busy):
+        error_console.print(sentence)
     kind = costs.kinds[0] if costs.kinds else ""
     for error in RANKED_ERRORS if kind else ():
         table = Table(box=None, header_style="bold", pad_edge=False)
@@ -166,7 +176,9 @@ def show_costs(costs: EngineCosts) -> None:
                 number(one.ratio.stated, 2),
                 str(one.first),
                 f"{one.reached} of {one.cases}",
-                "; ".join(f"{state} in {', '.join(some)}" for state, some in one.lost.items()),
+                "; ".join(
+                    f"{state_word(state)} in {', '.join(some)}" for state, some in one.lost.items()
+                ),
             )
         make_console().print(table)
 

@@ -16,12 +16,11 @@ from statistics import mode
 from typing import Any
 
 from proofmass.base.files import read_text, write_output
-from proofmass.base.json_values import replace_nonfinite, restore_nan
+from proofmass.base.json_values import replace_nonfinite
 from proofmass.base.wording import number
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.case.case import Case
 from proofmass.reference.samples import run_samples
-from proofmass.report.study import read_results
 from proofmass.run.fingerprint import digest
 from proofmass.sim.engines import engine_of, format_solver
 from proofmass.sim.hosts.engine import HostedEngine
@@ -36,7 +35,7 @@ from proofmass.studies.engines.ranking import (
     rank_engines,
 )
 from proofmass.studies.measure import load_average
-from proofmass.studies.record import KIND_UNITS, NAN, StudyRow, read_table, write_table
+from proofmass.studies.record import KIND_UNITS, NAN, StudyRow, write_table
 from proofmass.studies.study import Study
 from proofmass.studies.trade.noise import count_processors, explain_busy_machine, usual_spread
 from proofmass.studies.trade.trade import FRONT_REPEATS, SERIES_BUDGET, measure_series
@@ -312,32 +311,3 @@ def cost_record(costs: EngineCosts) -> dict[str, Any]:
             for kind in costs.kinds
         },
     }
-
-
-def read_costs(folder: Path) -> EngineCosts:
-    """The comparison that `write_costs` wrote into a folder.
-
-    Raises
-    ------
-    InputError
-        Something else wrote the files, or one of them is missing.
-    """
-
-    def read(data: dict[str, Any]) -> EngineCosts:
-        rows = read_table(folder / COST_ROWS)
-        return EngineCosts(
-            [
-                ComparedCase(
-                    one["case"],
-                    float(one["duration"]),
-                    tuple(row for row in rows if row.case == one["case"]),
-                    str(one["motion"]),
-                )
-                for one in data["cases"]
-            ],
-            [ComparedEngine(**restore_nan(one)) for one in data["engines"]],
-            MachineLoad(**restore_nan(data["machine"])),
-            float(data["budget"]),
-        )
-
-    return read_results(folder / COST_TABLE, "engines --cost", read)

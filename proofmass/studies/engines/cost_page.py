@@ -1,22 +1,22 @@
 """The page of engines at equal cost, from ``cost.json`` and ``cost.csv``: ranks, lines, machine."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from math import inf, isnan
 from pathlib import Path
-from statistics import median
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from proofmass.base.wording import format_count, format_list, number
+from proofmass.base.json_values import restore_nan
+from proofmass.base.wording import format_count, number
 from proofmass.report.page import slug
-from proofmass.report.study import PageWriter, prepare_folder
+from proofmass.report.study import PageWriter, prepare_folder, read_results
 from proofmass.sim.engines import format_solver
 from proofmass.studies.engines.cost import (
     COST_ROWS,
     COST_TABLE,
     RANKED_ERRORS,
+    ComparedEngine,
     EngineCosts,
     MachineLoad,
-    read_costs,
 )
 from proofmass.studies.engines.cost_figure import (
     DrawnSetting,
@@ -24,6 +24,14 @@ from proofmass.studies.engines.cost_figure import (
     LineLook,
     draw_costs,
     engine_looks,
+)
+from proofmass.studies.engines.cost_words import (
+    conclude,
+    describe_machine_load,
+    describe_noise,
+    format_seconds,
+    format_span,
+    state_word,
 )
 from proofmass.studies.engines.ranking import (
     CaseStanding,
@@ -34,12 +42,10 @@ from proofmass.studies.engines.ranking import (
     time_for_error,
     widened_time,
 )
-from proofmass.studies.record import format_kind
+from proofmass.studies.record import format_kind, read_table
 from proofmass.studies.trade.noise import Interval
-from proofmass.studies.trade.page import TIME_UNITS
 from proofmass.studies.trade.verdict import comparable_settings, pareto_front
 from proofmass.studies.trade.words import format_setting_briefly
-from proofmass.verdict.outcome import Outcome
 
 COST_PAGE = "cost.html"
 DECADES = range(-1, -16, -1)
@@ -107,50 +113,6 @@ def write_cost_page(folder: Path, output: Path, home: str = "") -> Path:
     )
 
 
-def conclude(costs: EngineCosts) -> Iterator[str]:
-    """A sentence for each error: which engine needs the least time, and which are tied."""
-    kind = costs.kinds[0] if costs.kinds else ""
-    for error in RANKED_ERRORS if kind else ():
-        ranked = [one for one in costs.ranked(kind, error) if one.rank]
-        asked = f"an error of {number(error)} of the range in {format_kind(kind)}"
-        if not ranked:
-            yield f"No engine reaches {asked} in more than half of the cases."
-            continue
-        leaders = [one.engine for one in ranked if one.rank == 1]
-        others = [
-            f"{format_solver(one.engine)} {number(one.ratio.stated, 2)} times as long"
-            for one in ranked
-            if one.rank > 1
-        ][:3]
-        names = format_list(map(format_solver, leaders))
-        verb = "are tied: they need" if leaders[1:] else "needs"
-        then = f"; then {format_list(others)}" if others else ""
-        yield f"For {asked} {names} {verb} the least time{then} (medians of the cases)."
-
-
-def describe_machine_load(machine: MachineLoad) -> str:
-    """A sentence on the machine and its load."""
-    return (
-        f"{machine.name or 'An unknown processor'}. Load average {number(machine.before, 2)} at "
-        f"the start of the command and {number(machine.after, 2)} at its end, "
-        f"{number(machine.least, 2)} to {number(machine.most, 2)} at the timed runs, on "
-        f"{format_count(machine.processors, 'processor')}."
-    )
-
-
-def describe_noise(costs: EngineCosts) -> str:
-    """A sentence on how repeated timings differ."""
-    repeated = [row for row in costs.rows if len(row.repeats) > 1]
-    if not repeated:
-        return "No timing was repeated, so that no noise is known."
-    ratios = [max(row.repeats) / min(row.repeats) for row in repeated]
-    return (
-        f"Repeated timings of a setting differ by a factor of {number(median(ratios))} in the "
-        f"median of {format_count(len(repeated), 'setting')}, at most {number(max(ratios))}. "
-        "Engines whose times differ by less than their timings are tied, ≈."
-    )
-
-
 class CasePart(NamedTuple):
     """The figure and the table of a case for a kind of error."""
 
@@ -168,6 +130,35 @@ class KindParts(NamedTuple):
     figure: str
     ranks: list[tuple[str, list[RankRow]]]
     cases: list[CasePart]
+
+
+def read_costs(folder: Path) -> EngineCosts:
+    """The comparison that `write_costs` wrote into a folder.
+
+    Raises
+    ------
+    InputError
+        Something else wrote the files, or one of them is missing.
+    """
+
+    def read(data: dict[str, Any]) -> EngineCosts:
+        rows = read_table(folder / COST_ROWS)
+        return EngineCosts(
+            [
+                ComparedCase(
+                    one["case"],
+                    float(one["duration"]),
+                    tuple(row for row in rows if row.case == one["case"]),
+                    str(one["motion"]),
+                )
+                for one in data["cases"]
+            ],
+            [ComparedEngine(**restore_nan(one)) for one in data["engines"]],
+            MachineLoad(**restore_nan(data["machine"])),
+            float(data["budget"]),
+        )
+
+    return read_results(folder / COST_TABLE, "engines --cost", read)
 
 
 def kind_parts(costs: EngineCosts, kind: str, looks: dict[str, LineLook]) -> KindParts:
@@ -290,11 +281,6 @@ def standing_cell(one: CaseStanding) -> StandingCell:
     )
 
 
-def state_word(state: str) -> str:
-    """The word of the page for a state."""
-    return "refused" if state == Outcome.UNSUPPORTED else state
-
-
 def rank_row(one: EngineStanding, looks: dict[str, LineLook]) -> RankRow:
     """The row of an engine in the ranks over all cases."""
     lost = [f"{state_word(state)} in {', '.join(cases)}" for state, cases in one.lost.items()]
@@ -311,28 +297,3 @@ def rank_row(one: EngineStanding, looks: dict[str, LineLook]) -> RankRow:
         else (number(one.in_equal_time, 2) if one.in_equal_time < inf else NONE_AS_FAST),
         "; ".join(lost),
     )
-
-
-def format_span(span: Interval) -> str:
-    """A number with its interval, of which an end may be unknown.
-
-    >>> format_span(Interval(1.0, 1.2, 1.5)), format_span(Interval(1.0, 1.0, 1.0))
-    ('1.2 (1 to 1.5)', '1')
-    >>> format_span(Interval(1e-3, 1e-3, float("nan")))
-    '1e-3 (1e-3 to none)'
-    """
-    words = number(span.stated, 2)
-    low, high = (number(end, 2) if end == end else "none" for end in (span.low, span.high))
-    return words if low == high else f"{words} ({low} to {high})"
-
-
-def format_seconds(seconds: float) -> str:
-    """A time with a unit in which it is at least 1; a dash for none.
-
-    >>> format_seconds(0.0042), format_seconds(3e-6), format_seconds(0.0)
-    ('4.2 ms', '3 µs', '—')
-    """
-    if isnan(seconds) or not seconds:
-        return "—"
-    unit, factor = next(((u, f) for u, f in TIME_UNITS if seconds * f >= 1), TIME_UNITS[-1])
-    return f"{number(seconds * factor, 2)} {unit}"

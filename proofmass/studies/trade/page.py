@@ -58,7 +58,12 @@ from proofmass.studies.trade.noise import (
 from proofmass.studies.trade.orders import is_unexpected
 from proofmass.studies.trade.trade import read_verdicts
 from proofmass.studies.trade.verdict import Verdict, comparable_settings, pareto_front
-from proofmass.studies.trade.words import format_floor, format_setting, format_setting_briefly
+from proofmass.studies.trade.words import (
+    TIME_UNITS,
+    format_floor,
+    format_setting,
+    format_setting_briefly,
+)
 from proofmass.verdict.outcome import Outcome
 
 COPIED_FILES = ("trade.csv", "trade.columns.md", "floors.csv", "verdicts.json")
@@ -615,9 +620,6 @@ def format_interval(row: StudyRow, spread: float) -> str:
     if not high > low:
         return words
     return f"{words} ({number(low * factor, 2)} to {number(high * factor, 2)})"
-
-
-TIME_UNITS = (("s", 1.0), ("ms", 1e3), ("µs", 1e6))
 
 
 def text_to_paste(row: StudyRow) -> str:

@@ -23,6 +23,9 @@ DRIVE_ERROR_RATIO = 1.5
 """Ratio of the error at the prescribed motion to that at the motion that drives really had, above
 which most of the error is that of the drives."""
 
+TIME_UNITS = (("s", 1.0), ("ms", 1e3), ("µs", 1e6))
+"""Units of times, and how many are a second."""
+
 
 def format_setting(row: StudyRow) -> str:
     """Describe a setting: its series, and the value of the varied parameter.

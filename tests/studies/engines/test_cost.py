@@ -19,12 +19,12 @@ from proofmass.studies.engines.cost import (
     cost_record,
     describe_readings,
     measure_costs,
-    read_costs,
     start_of,
     write_costs,
 )
 from proofmass.studies.engines.cost_figure import spread_names
-from proofmass.studies.engines.cost_page import conclude, write_cost_page
+from proofmass.studies.engines.cost_page import read_costs, write_cost_page
+from proofmass.studies.engines.cost_words import conclude
 from proofmass.studies.engines.page import write_engines
 from proofmass.studies.record import StudyRow
 from proofmass.studies.store import Store
