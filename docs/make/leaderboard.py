@@ -37,6 +37,7 @@ CASES = (
 refuses the last one."""
 ENGINES = (
     *("mujoco", "pymunk", "pinocchio", "simbody", "exudyn", "drake", "bullet", "dart", "box2d"),
+    "rapier",
 )
 """All that do not compile for minutes, see `docs.make.engines.SLOW`."""
 COST_PICTURE = ROOT / "docs" / "engines_cost.png"

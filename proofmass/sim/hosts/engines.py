@@ -202,7 +202,7 @@ BOX2D = SteppedEngine(
     stops=True,
     rests=True,
 )
-RAPIER = HostedEngine(
+RAPIER = SteppedEngine(
     "rapier.py",
     ("rapier3d==0.36.1", NUMPY),
     title="Rapier",

@@ -32,7 +32,10 @@ def test_engines_have_all_settings_that_are_tried(name: str, about: Studied) -> 
         assert engine.settings.read({**recipe.parameters(1e-3), "timestep": 1e-3})
 
 
-@pytest.mark.parametrize("name", ["bullet", "box2d", "dart", "drake", "exudyn", "pinocchio"])
+STEPPED = ("bullet", "box2d", "dart", "drake", "exudyn", "pinocchio", "rapier")
+
+
+@pytest.mark.parametrize("name", STEPPED)
 def test_steps_are_varied_with_all_schemes_and_with_defaults(name: str, about: Studied) -> None:
     """An engine is tried as it comes, and in each of its ways to step."""
     engine = engine_of(name)
