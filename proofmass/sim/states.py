@@ -19,7 +19,7 @@ from proofmass.sim.contents import (
     sensor_frame,
     straight_tendon,
 )
-from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
+from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism, cubic_energy
 from proofmass.sim.neutral import NeutralReader
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import Diverged, Unsupported
@@ -279,12 +279,10 @@ class StateCurves:
             total -= link.mass * self.states.place[:, k] @ self.reader.model.opt.gravity
         for j, one in enumerate(self.mechanism.joints):
             if one.spring.any():
-                (k, a, b), x = one.spring, self.joint(j)[0] - one.rest
-                total += x**2 * (k / 2 + x * (a / 3 + x * b / 4))
+                total += cubic_energy(self.joint(j)[0] - one.rest, one.spring)
         for spring in self.mechanism.springs:
             gap = self.point(spring.b, spring.on_b)[0] - self.point(spring.a, spring.on_a)[0]
-            length = np.linalg.norm(gap, axis=-1)
-            total += 0.5 * spring.stiffness * (length - np.clip(length, *spring.slack)) ** 2
+            total += spring.energy(np.linalg.norm(gap, axis=-1))
         return total
 
     def frame_channel(self, s: int, kind: mujoco.mjtSensor, part: str) -> Array | None:
