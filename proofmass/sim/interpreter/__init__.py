@@ -12,8 +12,12 @@ It needs Python 3.9 and NumPy, and imports nothing of proofmass.  A script of an
 from .checks import Refused, Stopwatch
 from .geometry import frame_of_axis, in_space, matrix_of, turn_about
 from .impulses import (
+    armatures_with_rotors,
+    drive_rates,
+    joint_forces,
     joint_motion,
     link_forces,
+    pivot_of,
     slide_motion,
     start_of_links,
     start_openings,
@@ -32,10 +36,10 @@ from .mechanism import (
     NeutralSpring,
     WayToRest,
 )
-from .record import record
+from .record import record, rows_at_samples
 from .runge_kutta import runge_kutta
 from .serve import load_beside
-from .tree import TreeRow, in_time, tree_rows
+from .tree import TreeRow, in_time, joined_points, one_joint_each, tree_forces, tree_rows
 
 __all__ = [
     "DriveRows",
@@ -52,19 +56,27 @@ __all__ = [
     "Stopwatch",
     "TreeRow",
     "WayToRest",
+    "armatures_with_rotors",
+    "drive_rates",
     "frame_of_axis",
     "in_space",
     "in_time",
+    "joined_points",
+    "joint_forces",
     "joint_motion",
     "link_forces",
     "load_beside",
     "matrix_of",
+    "one_joint_each",
+    "pivot_of",
     "record",
+    "rows_at_samples",
     "runge_kutta",
     "slide_motion",
     "start_of_links",
     "start_openings",
     "start_velocity",
+    "tree_forces",
     "tree_rows",
     "turn_about",
 ]

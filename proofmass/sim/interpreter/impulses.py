@@ -66,15 +66,61 @@ def link_forces(
             drag = -mechanism.rest.drag * link.mass * velocity
             yield k, place, drag, -mechanism.rest.drag * link.inertia @ omega
     if joint is not None:
-        for j, one in enumerate(mechanism.joints):
-            acts = one.is_sprung or one.damping or one.is_forced
-            if acts and not mechanism.drive_of(j):
-                value, rate = joint(j)
-                size = one.passive_force(one.value + value, rate) + one.force_in(step)
-                yield from joint_forces(mechanism, j, size, moves)
+        for j, size in joint_forces(mechanism, step, joint):
+            yield from joint_forces_on_links(mechanism, j, size, moves)
 
 
 def joint_forces(
+    mechanism: NeutralMechanism, step: int, joint: Callable[[int], tuple]
+) -> Iterator[tuple]:
+    """The forces of springs, dampers and motors in the joints without a drive in a step.
+
+    Parameters
+    ----------
+    mechanism : NeutralMechanism
+    step : int
+    joint : callable
+        As that of `link_forces`.
+
+    Yields
+    ------
+    tuple
+        The number of a hinge or slide, and the force or moment on its child [N or N m].
+    """
+    for j, one in enumerate(mechanism.joints):
+        acts = one.is_sprung or one.damping or one.is_forced
+        if acts and not mechanism.drive_of(j):
+            value, rate = joint(j)[:2]
+            yield j, one.passive_force(one.value + value, rate) + one.force_in(step)
+
+
+def drive_rates(
+    mechanism: NeutralMechanism, step: int, joint: Callable[[int], tuple]
+) -> Iterator[tuple]:
+    """The number of each driven joint, and the rate with which it reaches its next value in a step.
+
+    The rate is in rad/s or m/s; the parameters are those of `joint_forces`.
+    """
+    for drive in mechanism.drives:
+        start = mechanism.joints[drive.joint].value
+        way = drive.value[2 * (step + 1)] - start - joint(drive.joint)[0]
+        yield drive.joint, float(way / mechanism.step)
+
+
+def armatures_with_rotors(mechanism: NeutralMechanism, share: float) -> list:
+    """Armatures of all joints; those of drives are rotors that no other link moves [kg m^2 or kg].
+
+    Their inertia is the mass of the mechanism times its squared size, times a `share` above 1.
+    """
+    mass = share * sum(link.mass for link in mechanism.links)
+    heavy = {"hinge": mass * mechanism.size**2, "slide": mass}
+    return [
+        heavy[one.kind] if mechanism.drive_of(j) else one.armature
+        for j, one in enumerate(mechanism.joints)
+    ]
+
+
+def joint_forces_on_links(
     mechanism: NeutralMechanism, joint: int, size: float, read: Callable[[int], LinkMotion]
 ) -> Iterator[tuple]:
     """The forces of a hinge or slide on its links, as `link_forces` gives them."""

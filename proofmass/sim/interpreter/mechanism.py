@@ -140,6 +140,11 @@ class NeutralJoint:
         """The force or moment in the middle of a step [N m or N]."""
         return float(self.force[0] if self.force.size == 1 else self.force[2 * step + 1])
 
+    def force_of_powers(self, value: float) -> float:
+        """Force or moment of the powers of the spring above the first on the child [N m or N]."""
+        x, (_, a, b) = value - self.rest, self.spring
+        return float(-(x**2) * (a + x * b))
+
     def passive_force(self, value: float, rate: float) -> float:
         """Force or moment of spring, servos and damper on the child [N m or N]."""
         return float(cubic_force(value - self.rest, self.acting) - self.damping * rate)
@@ -398,6 +403,11 @@ class NeutralMechanism:
         """Number of steps of the run."""
         return self.count * (self.samples - 1)
 
+    @property
+    def singles(self) -> list:
+        """Numbers of the hinges and slides, whose coordinate is a number."""
+        return [j for j, one in enumerate(self.joints) if one.kind in ("hinge", "slide")]
+
     def joints_of(self, link: int) -> list:
         """Numbers of the joints whose child is a link, in the order in which they act."""
         return [j for j, one in enumerate(self.joints) if one.child == link]
@@ -433,6 +443,10 @@ class NeutralMechanism:
     def turn_of(self, joint: int) -> float:
         """1 if a hinge turns about the normal of the plane, -1 if against it."""
         return float(np.sign(self.joints[joint].axis @ self.plane[2]))
+
+
+MOTION_ROWS = "place", "turn", "velocity", "omega", "acceleration", "alpha"
+"""The arrays of `LinkStates` that have the motions of links."""
 
 
 @dataclass
@@ -477,20 +491,25 @@ class LinkStates:
     steps: int = 0
 
     @classmethod
-    def empty(cls, mechanism: NeutralMechanism) -> LinkStates:
-        """States of all links at the start pose, at rest."""
+    def empty(cls, mechanism: NeutralMechanism, joints: bool = False) -> LinkStates:
+        """States of all links at the start pose, at rest; with coordinates of `joints`, NaN."""
         n, links = mechanism.samples, mechanism.links
         place = np.tile(np.array([one.centre for one in links]), (n, 1, 1))
         none = np.zeros_like(place)
         turn = np.tile(np.eye(3), (n, len(links), 1, 1))
-        return cls(place, none.copy(), none.copy(), turn, none.copy(), none.copy())
+        states = cls(place, none.copy(), none.copy(), turn, none.copy(), none.copy())
+        if joints:
+            states.coordinates = np.full((3, n, len(mechanism.joints)), np.nan)
+        return states
+
+    def set(self, samples: Any, link: int, motion: tuple) -> None:
+        """Set the motion of a link, as `record` gets it, at a sample or at several."""
+        for name, part in zip(MOTION_ROWS, motion):
+            getattr(self, name)[samples, link] = part
 
     def first(self, count: int, failed: str) -> LinkStates:
         """The states at the first `count` samples, with the reason why there are no more."""
-        rows = {
-            name: getattr(self, name)[:count]
-            for name in ("place", "velocity", "omega", "turn", "acceleration", "alpha")
-        }
+        rows = {name: getattr(self, name)[:count] for name in MOTION_ROWS}
         coordinates = self.coordinates[:, :count] if self.coordinates.size else self.coordinates
         return LinkStates(
             **rows,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -37,8 +37,9 @@ def record(
         ``read(k)`` is the `LinkMotion` of link number k, the ground excluded.
     joint : callable, optional
         ``joint(j)`` are the coordinate, 0 at the start, and the rate of hinge or slide number j, in
-        an engine that has them and no accelerations.  Where rates are those in the middle of steps,
-        the velocities of links then follow from those of joints, see `follow_joints`.
+        an engine that has them; one with exact accelerations adds that of the joint.  Where rates
+        are those in the middle of steps, the velocities of links then follow from those of joints,
+        see `follow_joints`.
 
     Returns
     -------
@@ -47,12 +48,13 @@ def record(
     """
     if mechanism.rest:
         return record_rests(mechanism, step, read, joint)
-    states, links = LinkStates.empty(mechanism), range(1, len(mechanism.links))
+    states, links = LinkStates.empty(mechanism, joint is not None), range(1, len(mechanism.links))
     count, h, middle = mechanism.count, mechanism.step, mechanism.rates_at < 0
     number, watch = 0, Stopwatch()
-    singles = [j for j, one in enumerate(mechanism.joints) if one.kind in ("hinge", "slide")]
-    if joint:
-        states.coordinates = np.full((3, mechanism.samples, len(mechanism.joints)), np.nan)
+
+    def read_joints() -> dict:
+        return {j: joint(j) for j in mechanism.singles} if joint else {}
+
     with watch, np.errstate(all="ignore"):
         for sample in range(mechanism.samples):
             motions = [read(k) for k in links]
@@ -64,14 +66,10 @@ def record(
                 break
             exact = len(motions[0]) > 4
             for k, one in zip(links, motions):
-                states.place[sample, k], states.turn[sample, k] = one[0], one[1]
-                states.velocity[sample, k], states.omega[sample, k] = one[2], one[3]
-                if exact:
-                    states.acceleration[sample, k], states.alpha[sample, k] = one[4], one[5]
-            if joint is not None:
-                for j in singles:
-                    value, rate = joint(j)
-                    states.coordinates[:2, sample, j] = value + mechanism.joints[j].value, rate
+                states.set(sample, k, one)
+            for j, (value, *others) in read_joints().items():
+                row = value + mechanism.joints[j].value, *others
+                states.coordinates[: len(row), sample, j] = row
             last = sample == mechanism.samples - 1
             for c in range((0 if exact else 1) if last else count):
                 step(number)
@@ -81,15 +79,37 @@ def record(
                         rates = (states.velocity, states.acceleration), (states.omega, states.alpha)
                         for (rate, change), now in zip(rates, read(k)[2:]):
                             take_difference(rate[sample, k], change[sample, k], now, h, middle)
-                    if joint is not None:
-                        for j in singles:
-                            _, rate, change = states.coordinates[:, sample, j, None]
-                            take_difference(rate, change, joint(j)[1], h, middle)
+                    for j, (_, later, *_) in read_joints().items():
+                        _, rate, change = states.coordinates[:, sample, j, None]
+                        take_difference(rate, change, later, h, middle)
         else:
             found = states
     if joint and middle:
         follow_joints(mechanism, found)
     found.seconds = watch.seconds
+    return found
+
+
+def rows_at_samples(mechanism: NeutralMechanism, tables: Iterable[PlainArray]) -> list:
+    """Rows of tables of an engine that stores its samples itself, without their times.
+
+    Parameters
+    ----------
+    mechanism : NeutralMechanism
+    tables : iterable of ndarray (n, 1 + values)
+        Each has the time [s] and values at each sample.
+
+    Returns
+    -------
+    list of ndarray (m, values)
+        Those before the first sample that the run did not hit.
+    """
+    found = []
+    for table in tables:
+        rows = np.atleast_2d(table)[: mechanism.samples]
+        steps = mechanism.count * np.arange(len(rows))
+        late = np.abs(rows[:, 0] / mechanism.step - steps) > 0.5
+        found.append(rows[: int(np.argmax([*late, True])), 1:])
     return found
 
 

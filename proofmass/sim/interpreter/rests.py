@@ -40,10 +40,7 @@ def record_rests(
     LinkStates
         They end before the first sample at which the mechanism does not come to rest.
     """
-    states, links = LinkStates.empty(mechanism), range(1, len(mechanism.links))
-    singles = [j for j, one in enumerate(mechanism.joints) if one.kind in ("hinge", "slide")]
-    if joint:
-        states.coordinates = np.full((3, mechanism.samples, len(mechanism.joints)), np.nan)
+    states, links = LinkStates.empty(mechanism, joint is not None), range(1, len(mechanism.links))
     check_motions([read(k) for k in links])
     found, steps, watch = states, 0, Stopwatch()
     with watch, np.errstate(all="ignore"):
@@ -57,7 +54,7 @@ def record_rests(
             for k in links:
                 states.place[sample, k], states.turn[sample, k] = read(k)[:2]
             if joint is not None:
-                for j in singles:
+                for j in mechanism.singles:
                     value = joint(j)[0] + mechanism.joints[j].value
                     states.coordinates[:, sample, j] = value, 0.0, 0.0
             for i in range(1, mechanism.count if sample < mechanism.samples - 1 else 1):

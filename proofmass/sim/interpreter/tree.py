@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -73,7 +73,68 @@ def tree_rows(mechanism: NeutralMechanism) -> list[TreeRow]:
     return rows
 
 
-def in_time(step: float, *rows: PlainArray, factor: Any = 1.0) -> Callable[..., Any]:
+def tree_forces(step: float, rows: list[TreeRow]) -> Callable[..., PlainArray] | None:
+    """The forces in the joints of a tree that are not those of linear springs and dampers.
+
+    Parameters
+    ----------
+    step : float
+        Time step [s].
+    rows : list of TreeRow
+
+    Returns
+    -------
+    callable, optional
+        ``forces(t, q)`` of motors and of the higher powers of springs, at the time t [s] and the
+        coordinates q since the start; None if there are no such forces.
+    """
+    joints = [row.joint for row in rows]
+    if not any(one.is_forced or one.spring[1:].any() for one in joints):
+        return None
+    motors = [in_time(step, one.force) for one in joints]
+
+    def forces(t: float, q: PlainArray) -> PlainArray:
+        powers = [one.force_of_powers(one.value + x) for one, x in zip(joints, q)]
+        return np.array([motor(t) for motor in motors]) + powers
+
+    return forces
+
+
+def one_joint_each(mechanism: NeutralMechanism) -> NeutralMechanism:
+    """The mechanism with a link without mass between any two joints of a link.
+
+    Each link then has one joint.  The new links come last, so that all others and all joints keep
+    their numbers; they have the centre of the link.
+    """
+    links, joints = list(mechanism.links), list(mechanism.joints)
+    for k, link in enumerate(mechanism.links):
+        own = mechanism.joints_of(k)
+        for before, behind in zip(own, own[1:]):
+            joints[before] = replace(joints[before], child=len(links))
+            joints[behind] = replace(joints[behind], parent=len(links))
+            links.append(replace(link, mass=0.0, inertia=0.0 * link.inertia))
+    return replace(mechanism, links=tuple(links), joints=tuple(joints))
+
+
+def joined_points(mechanism: NeutralMechanism) -> list:
+    """What loops and balls join: a link and its point at the start, twice.
+
+    Raises
+    ------
+    Refused
+        A ball or a free joint is damped.
+    """
+    balls = [one for one in mechanism.joints if one.kind == "ball"]
+    if any(one.damping for one in mechanism.joints if one.kind in ("ball", "free")):
+        raise Refused("damping of a ball or free joint")
+    return [(one.a, one.on_a, one.b, one.on_b) for one in mechanism.loops] + [
+        (one.parent, one.anchor, one.child, one.anchor) for one in balls
+    ]
+
+
+def in_time(
+    step: float, *rows: PlainArray, factor: Any = 1.0, before: int = 0
+) -> Callable[..., Any]:
     """A function of the time from values at half steps, or from a single value.
 
     Parameters
@@ -84,6 +145,8 @@ def in_time(step: float, *rows: PlainArray, factor: Any = 1.0) -> Callable[..., 
         Value, derivative, second derivative over 2, and so on.
     factor : number or ndarray
         Factor of the value.
+    before : int
+        Number of arguments of the function before the time; it ignores these and those behind it.
 
     Returns
     -------
@@ -98,7 +161,8 @@ def in_time(step: float, *rows: PlainArray, factor: Any = 1.0) -> Callable[..., 
     """
     half, most = 0.5 * step, rows[0].size - 1
 
-    def value(t: float) -> Any:
+    def value(*given: Any) -> Any:
+        t = given[before]
         i = min(round(t / half), most)
         return factor * sum(float(row[i]) * (t - half * i) ** n for n, row in enumerate(rows))
 

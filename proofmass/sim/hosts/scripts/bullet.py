@@ -129,18 +129,14 @@ class BulletTrees:
 
     def step(self, i):
         """Step number i, with the forces on joints and links, and the rates of drives."""
+        for j, rate in host.drive_rates(self.mechanism, i, self.joint):
+            goal = {"targetVelocity": rate, "force": NO_LIMIT}
+            bullet.setJointMotorControl2(*self.joints[j], bullet.VELOCITY_CONTROL, **goal)
+        for j, force in host.joint_forces(self.mechanism, i, self.joint):
+            bullet.setJointMotorControl2(*self.joints[j], bullet.TORQUE_CONTROL, force=force)
         for j, joint in enumerate(self.mechanism.joints):
-            drive, where = self.mechanism.drive_of(j), self.joints.get(j)
-            if drive:
-                way = drive.value[2 * (i + 1)] - joint.value - bullet.getJointState(*where)[0]
-                goal = {"targetVelocity": way / self.mechanism.step, "force": NO_LIMIT}
-                bullet.setJointMotorControl2(*where, bullet.VELOCITY_CONTROL, **goal)
-            elif joint.is_sprung or joint.damping or joint.is_forced:
-                value, rate = bullet.getJointState(*where)[:2]
-                force = joint.passive_force(joint.value + value, rate) + joint.force_in(i)
-                bullet.setJointMotorControl2(*where, bullet.TORQUE_CONTROL, force=force)
             if joint.limits:
-                self.hold_stops(where, np.array(joint.limits) - joint.value)
+                self.hold_stops(self.joints[j], np.array(joint.limits) - joint.value)
         for k, place, force, moment in host.link_forces(self.mechanism, i, self.read):
             bullet.applyExternalForce(*self.places[k], force, place, bullet.WORLD_FRAME)
             bullet.applyExternalTorque(*self.places[k], moment, bullet.WORLD_FRAME)

@@ -17,7 +17,7 @@ VERSIONS = {"dartpy": dart.__version__, "numpy": np.__version__}
 LOOP = dart.constraint.BallJointConstraint
 ERROR_REDUCTIONS = {True: LOOP.getErrorReductionParameter(), False: 1.0}
 """Share of the opening of a loop that a step closes: by the engine's defaults, or else."""
-FORCE, VELOCITY = dart.dynamics.ActuatorType.FORCE, dart.dynamics.ActuatorType.VELOCITY
+VELOCITY = dart.dynamics.ActuatorType.VELOCITY
 MAKERS = {"hinge": "Revolute", "slide": "Prismatic", "ball": "Ball", "free": "Free"}
 SINGLE = "hinge", "slide"
 
@@ -75,11 +75,13 @@ class DartTree:
         made, node = make() if parent is None else make(parent)
         place.set_translation(offset)
         made.setTransformFromParentBodyNode(place)
+        rates = self.mechanism.start_rates(j)
         if joint.kind in SINGLE:
             made.setAxis(joint.axis)
-            made.setVelocity(0, joint.rate)
-        else:
-            made.setVelocities(self.start_rates(joint))
+        elif joint.kind == "free":  # whose frame is at the centre
+            velocity = host.start_velocity(self.mechanism, joint.child)
+            rates = np.concatenate([rates[3:], velocity])
+        made.setVelocities(rates)
         if self.mechanism.drive_of(j):
             made.setActuatorType(VELOCITY)
         if joint.limits:
@@ -89,28 +91,13 @@ class DartTree:
         self.joints[j] = made
         return node
 
-    def start_rates(self, joint):
-        """Rates of a ball (3,) or a free joint (6,) at the start."""
-        link, base = self.mechanism.links[joint.child], self.mechanism.links[joint.parent]
-        if joint.kind == "free":
-            velocity = host.start_velocity(self.mechanism, joint.child)
-            return np.concatenate([link.omega, velocity])
-        row = (self.mechanism.joints[j] for j in self.mechanism.joints_of(joint.child))
-        hinges = sum((one.rate * one.axis for one in row if one.kind == "hinge"), np.zeros(3))
-        return link.omega - base.omega - hinges
-
     def step(self, i):
         """Step number i, with the forces on joints and links, and the rates of drives."""
         mechanism = self.mechanism
-        for drive in mechanism.drives:
-            made, start = self.joints[drive.joint], mechanism.joints[drive.joint].value
-            way = drive.value[2 * (i + 1)] - start - made.getPosition(0)
-            made.setCommand(0, float(way / mechanism.step))
-        for made, joint in zip(self.joints, mechanism.joints):
-            acts = joint.is_sprung or joint.damping or joint.is_forced
-            if acts and made.getActuatorType() == FORCE:
-                force = joint.passive_force(joint.value + made.getPosition(0), made.getVelocity(0))
-                made.setForce(0, force + joint.force_in(i))
+        for j, rate in host.drive_rates(mechanism, i, self.joint):
+            self.joints[j].setCommand(0, rate)
+        for j, force in host.joint_forces(mechanism, i, self.joint):
+            self.joints[j].setForce(0, force)
         for k, place, force, moment in host.link_forces(mechanism, i, self.read):
             self.nodes[k].addExtForce(force, place, False, False)
             self.nodes[k].addExtTorque(moment, False)

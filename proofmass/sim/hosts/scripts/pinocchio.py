@@ -22,12 +22,7 @@ NOISE, TINY_LEVER = 1e-13, 1e-7  # shares of the largest response of drives, lev
 def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     """Integrate by RK4, and read the links at the samples."""
     motion = ProximalMotion(mechanism, settings)
-    states = record(mechanism, motion.step, motion.read)
-    if mechanism.rest:
-        return states
-    rows = np.array(motion.samples[: len(states.place)]).transpose(1, 0, 2)
-    states.coordinates = np.where([one.kind in SINGLE for one in mechanism.joints], rows, np.nan)
-    return states
+    return record(mechanism, motion.step, motion.read, None if mechanism.rest else motion.joint)
 
 
 class ProximalMotion:
@@ -35,7 +30,7 @@ class ProximalMotion:
 
     def __init__(self, mechanism, settings):
         self.mechanism, self.model, joints = mechanism, pin.Model(), mechanism.joints
-        self.half, self.samples, self.model.gravity.linear = 0, [], mechanism.gravity
+        self.half, self.model.gravity.linear = 0, mechanism.gravity
         # Pinocchio's last joint of each link, and its place at the start
         self.ids, self.origins = [0] * len(mechanism.links), [np.zeros(3)] * len(mechanism.links)
         self.v = np.concatenate([mechanism.start_rates(j) for j in range(len(joints))])
@@ -152,14 +147,17 @@ class ProximalMotion:
     def read(self, link):
         """Place, rotation, velocities and accelerations of a link."""
         if link == 1:
-            known = self.accelerate(self.q, self.v, self.half)
-            pin.forwardKinematics(self.model, self.data, self.q, self.v, known)
+            self.known = self.accelerate(self.q, self.v, self.half)
+            pin.forwardKinematics(self.model, self.data, self.q, self.v, self.known)
             pin.computeJointJacobians(self.model, self.data)
-            values = [one.value for one in self.mechanism.joints] + self.q[self.iq]
-            self.samples.append([values, self.v[self.iv], known[self.iv]])
         place, lever = self.point(link, self.mechanism.links[link].centre)
         velocity, omega = (lever @ self.v).reshape(2, 3)
         second = pin.getAcceleration(self.model, self.data, self.ids[link], WORLD)
         acceleration = second.linear + np.cross(second.angular, place) + np.cross(omega, velocity)
         turn = self.data.oMi[self.ids[link]].rotation.copy()
         return place, turn, velocity, omega, acceleration, second.angular.copy()
+
+    def joint(self, j):
+        """Coordinate, rate and acceleration of a hinge or slide at the sample that was read."""
+        i = self.iv[j]
+        return self.q[self.iq[j]], self.v[i], self.known[i]
