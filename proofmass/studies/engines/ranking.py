@@ -263,25 +263,18 @@ def rank_case(
     equal_time = log_median(time.stated for time in times.values())
     standings = []
     for engine in case.engines:
-        reached, points = found[engine], [p for s in lines[engine] for p in s if p is not None]
-        best = min(points, key=lambda p: (p.error, p.time.stated), default=None)
-        state, words = (
-            (REACHED, format_setting_briefly(reached[1]))
-            if reached
-            else explain_missing(case.of(engine), kind, best, budget)
-        )
-        own = times.get(engine, NEVER)
+        own, best = times.get(engine, NEVER), smallest_error(lines[engine])
+        others = {one: time for one, time in times.items() if one != engine}
         standings.append(
             CaseStanding(
                 case.case,
                 engine,
                 error,
-                state,
-                words,
+                *explain_time(found[engine], case.of(engine), kind, best, budget),
                 own,
                 ratio_to_first(own, first),
-                rank_among(own, [t for one, t in times.items() if one != engine]),
-                tuple(one for one, t in times.items() if one != engine and own.overlaps(t)),
+                rank_among(own, others.values()),
+                tuple(one for one, time in others.items() if is_tied(own, time)),
                 equal_time,
                 error_in_time(lines[engine], equal_time),
                 best.error if best else NAN,
@@ -289,6 +282,25 @@ def rank_case(
             )
         )
     return sorted(standings, key=lambda one: (one.time.stated, not one.best < inf, one.best))
+
+
+def smallest_error(lines: Iterable[Sequence[SettingPoint | None]]) -> SettingPoint | None:
+    """The setting with the smallest error, the fastest of equal ones; None if none has an error."""
+    points = [point for series in lines for point in series if point is not None]
+    return min(points, key=lambda point: (point.error, point.time.stated), default=None)
+
+
+def explain_time(
+    reached: tuple[Interval, StudyRow] | None,
+    rows: Sequence[StudyRow],
+    kind: str,
+    best: SettingPoint | None,
+    budget: float,
+) -> tuple[str, str]:
+    """A state, and the setting that reaches an error or the reason why there is none."""
+    if reached:
+        return REACHED, format_setting_briefly(reached[1])
+    return explain_missing(rows, kind, best, budget)
 
 
 def ratio_to_first(own: Interval, first: Interval) -> Interval:
