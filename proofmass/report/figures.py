@@ -32,6 +32,8 @@ from proofmass.report.svg import compact_svg
 ZERO_LEVEL = 1e-18  # of the reference's range: a difference of exactly zero is drawn there
 DPI = 150
 TEXT_BACKGROUND = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.4}
+NAMED_SOLVERS = 2
+"""Solvers that the words at a tolerance's line name, so that they fit into a panel."""
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -235,6 +237,16 @@ def channel_tolerances(view: PlottedRun, channel: str) -> dict[float, list[str]]
     return found
 
 
+def name_solvers(solvers: Sequence[str]) -> str:
+    """Return the first names of solvers, and how many more there are.
+
+    >>> name_solvers(["mujoco", "pymunk"]), name_solvers(["mujoco", "pymunk", "drake", "dart"])
+    ('mujoco, pymunk', 'mujoco, pymunk and 2 more')
+    """
+    more = f" and {len(solvers) - NAMED_SOLVERS} more" if len(solvers) > NAMED_SOLVERS else ""
+    return ", ".join(solvers[:NAMED_SOLVERS]) + more
+
+
 def draw_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[str, Look]) -> None:
     """Draw a dashed line for each tolerance, with its solvers and number where there is room."""
     low, high = np.log(ax.get_ylim())
@@ -254,7 +266,7 @@ def draw_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[st
             ax.text(
                 0.99 if free[0][1] else 0.01,
                 free[0][0],
-                f"{', '.join(allowed[level])} ≤ {number(level)}",
+                f"{name_solvers(allowed[level])} ≤ {number(level)}",
                 transform=ax.transAxes,
                 fontsize=6.5,
                 color=colour,
@@ -341,13 +353,21 @@ HEADER_LINE_HEIGHT = 0.17
 """Height of a line of a legend above a grid of panels [inch]."""
 
 
+HEADER_ENTRY_WIDTH, HEADER_ENTRY_SPACE = 0.67, 0.13
+"""Width of the line of a legend's entry with the space to the next one, and what of it the last one
+does not need: 3.2 + 0.8 + 2 letters of 8 points, less its padding [inch]."""
+HEADER_LETTER_WIDTH = 0.066
+"""Mean width of a letter of 8 points [inch]."""
+
+
 def columns_that_fit(labels: Iterable[str], width: float) -> int:
     """Number of columns of a legend that is no wider than a figure [inch].
 
     >>> columns_that_fit(["reference", "mujoco", "pymunk"], 6.4), columns_that_fit(["x"] * 12, 6.4)
-    (3, 9)
+    (3, 8)
     """
-    widths = [0.58 + 0.065 * len(label) for label in labels]
+    widths = [HEADER_ENTRY_WIDTH + HEADER_LETTER_WIDTH * len(label) for label in labels]
+    width += HEADER_ENTRY_SPACE
     if sum(widths) <= width:
         return len(widths)
     return max(1, int(width / max(widths)))

@@ -16,7 +16,9 @@ from proofmass.report.case_figures import find_motions, mechanism_poses
 from proofmass.report.figures import save
 from proofmass.report.mechanism import mechanism_figure
 from proofmass.report.style import RC
+from proofmass.run.asked import with_engines
 from proofmass.run.sidecar import load_case
+from proofmass.sim.engines import hosted_names
 from proofmass.verdict.comparison import Comparison
 from tests.report.whole import result_from_references, with_failed_dynamics, without_figures
 from tests.shipped import shipped
@@ -515,6 +517,17 @@ def test_a_mechanism_in_space_is_drawn_without_differences(browser: Any, tmp_pat
     with CaseVisit(browser, tmp_path / "spherical_fourbar.html") as visit:
         assert visit.page.inner_text("#mechanism-scale") == "to scale, without differences"
         assert "seen along x" in visit.page.inner_text("#ghost")
+
+
+def test_twelve_engines_need_no_sideways_scrolling(browser: Any, tmp_path: Path) -> None:
+    """Their table scrolls in its card, whose words for readers of screens do not widen the page."""
+    names = ["mujoco", "pymunk", *hosted_names()][:12]
+    with without_figures():
+        case = with_engines(load_case(shipped("fourbar.toml")), names)
+        write_report(result_from_references(case), tmp_path)
+    with CaseVisit(browser, tmp_path / "fourbar.html") as visit:
+        assert visit.run("find('.sum').scrollWidth - find('.sum').clientWidth") > 0
+        assert visit.run("document.documentElement.scrollWidth - innerWidth") <= 0
 
 
 @pytest.mark.parametrize("name", ["fourbar", "hacksaw_recorded", "pendulum"])

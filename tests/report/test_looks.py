@@ -23,7 +23,7 @@ from proofmass.studies.trade.figure import coloured_solver, series_looks
 from tests.studies.trade.trade_rows import series_rows
 
 UNKNOWN = [f"engine{k}" for k in range(12)]
-HOSTED = ["mujoco", "pymunk", "recorded", *hosted_names()]
+HOSTED = ["mujoco", "pymunk", "recorded", *hosted_names()][:12]
 MIXED = ["mujoco", "mujoco:default", "pymunk", "pymunk:default", *UNKNOWN[:8]]
 TWELVE = pytest.mark.parametrize("names", [UNKNOWN, HOSTED, MIXED], ids=["twins", "own", "mixed"])
 MIN_DISTANCE = 20.0

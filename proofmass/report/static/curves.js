@@ -4,6 +4,7 @@
 const BAND_SHARE = 12; // largest ratio of the allowance to the differences at which its band is shown
 const LEAST = 1e-16; // end of a linear axis where all differences are zero
 const SMALLEST = 0.03; // share of the differences that may lie below a logarithmic axis
+const NAMED_SOLVERS = 2; // solvers that the words of an allowance name; of more, their number
 const MARKERS = 9; // number of markers on a curve, which distinguish it without its colour
 
 // Draw the marker of a solver about a place of a canvas, with lines of a width.
@@ -324,20 +325,23 @@ class CurvePair {
     }
   }
 
-  // Draw the allowance as a band behind the differences, with its number.
+  // Draw each allowance as a band behind the differences, with its solvers and its number.
   bands(plot) {
     const { solvers, mode } = this.view;
     const ctx = plot.ctx;
     const { left, top, width, height } = plot.bbox;
     const ratio = devicePixelRatio;
     const used = [];
-    const shown = solvers.filter((solver) => solver.allowed);
-    for (const solver of mode === "tol" ? shown.slice(0, 1) : shown) {
+    const shown = new Map();
+    for (const solver of solvers.filter((one) => one.allowed)) {
       const allowed = mode === "tol" ? 1 : solver.allowed;
+      shown.set(allowed, [...(shown.get(allowed) ?? []), solver]);
+    }
+    for (const [allowed, own] of shown) {
       const upper = plot.valToPos(allowed, "y", true);
       const lower = mode === "log" ? top + height : plot.valToPos(-allowed, "y", true);
       const beyond = upper < top - 1 && mode !== "log";
-      const colour = variable(`--${solver.css}`);
+      const colour = own.length === 1 ? variable(`--${own[0].css}`) : this.soft;
       const clipped = [Math.max(upper, top), Math.min(lower, top + height)];
       ctx.save();
       ctx.beginPath();
@@ -359,7 +363,9 @@ class CurvePair {
         ctx.stroke();
         ctx.setLineDash([]);
       }
-      let words = `${solver.label}: allowed ±${worded(allowed)}`;
+      const more = own.length > NAMED_SOLVERS ? ` and ${own.length - NAMED_SOLVERS} more` : "";
+      const names = own.slice(0, NAMED_SOLVERS).map((one) => one.label);
+      let words = `${names.join(", ")}${more}: allowed ±${worded(allowed)}`;
       words = mode === "tol" ? "allowance" : words;
       words += beyond ? ", beyond this axis" : "";
       let y = beyond ? top + 4 * ratio : Math.max(top + 3 * ratio, upper + 4 * ratio);
@@ -367,6 +373,10 @@ class CurvePair {
         y += 15 * ratio;
       }
       used.push(y);
+      if (y + 15 * ratio > top + height) {
+        ctx.restore(); // without room for words: they stand below the curves
+        continue;
+      }
       ctx.font = `${12 * ratio}px ${this.letters}`;
       ctx.textAlign = "right";
       ctx.textBaseline = "top";
