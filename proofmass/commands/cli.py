@@ -912,6 +912,14 @@ def engines_command(
         Path,
         typer.Option("--output", "-o", help="Folder for the page, the table and finished runs."),
     ] = Path("engines"),
+    run: Annotated[
+        list[Runs] | None,
+        typer.Option(
+            "--run",
+            help="Kind of run; can be given several times.",
+            show_default="that in time, or else the sweep or the equilibrium",
+        ),
+    ] = None,
     cost: Annotated[
         bool,
         typer.Option("--cost", help="Rank the engines at equal cost: error over processor time."),
@@ -928,7 +936,7 @@ def engines_command(
     dask: Dask = None,
     force: ForceOption = False,
 ) -> None:
-    """List the engines, or run the motions in time of cases in several of them.
+    """List the engines, or run cases in several of them.
 
     The list says which engines run here, which uv has fetched, and what each can express. A table
     of cases has the error of each engine against the reference, or why it has none. With --cost
@@ -939,7 +947,8 @@ def engines_command(
     from proofmass.commands.engines import run_engines
 
     words = paths or [], engine or [], output, jobs, dask, json, cost, budget
-    raise typer.Exit(run_engines(*words))
+    kinds = cast("list[Kind]", [one.value for one in run or []])
+    raise typer.Exit(run_engines(*words, kinds))
 
 
 @app.command("versions")

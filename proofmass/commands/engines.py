@@ -11,6 +11,7 @@ from rich.table import Table
 from proofmass.base.errors import BAD_INPUT
 from proofmass.base.files import write_output
 from proofmass.base.json_values import replace_nonfinite
+from proofmass.base.strict import Kind
 from proofmass.base.wording import format_list, number
 from proofmass.batch.check import family_of
 from proofmass.batch.pool import pool
@@ -91,6 +92,7 @@ def run_engines(
     as_json: bool,
     cost: bool = False,
     budget: float = SERIES_BUDGET,
+    runs: Sequence[Kind] = (),
 ) -> int:
     """Run ``proofmass engines``; `proofmass.commands.cli` describes its arguments.
 
@@ -112,9 +114,10 @@ def run_engines(
         asked = provide_engines(named_engines(engines))
         cases, faults = read_cases(paths)
         print_errors(faults)
-        cells = cells_of(cases, asked)
-        if left := [case.name for case in cases if "dynamics" not in case.run]:
-            error_console.print(f"left out, since they have no run in time: {format_list(left)}")
+        cells = cells_of(cases, asked, runs)
+        if left := [case.name for case in cases if runs and not set(runs) & set(case.run)]:
+            what = " or ".join(runs)
+            error_console.print(f"left out, since they have no run {what}: {format_list(left)}")
         study = Study(Store(output / "runs"))
         with pool(jobs, dask) as workers, progress_bar(len(cells), max_letters=40) as advance:
             results = measure_cells(cells, replace(study, workers=workers, progress=advance))

@@ -41,6 +41,8 @@ SILENT_SHARE = 0.1
 curve of an engineer's report would be taken for the reference's."""
 MOTION_KINDS = "position", "velocity", "acceleration"
 """Kinds of channels whose errors a cell of a table has."""
+KINDS_OF_RUNS: tuple[Kind, ...] = ("dynamics", "sweep", "equilibrium")
+"""Kinds of runs, that which more engines have first."""
 CHANNEL_KINDS: dict[str, tuple[str, ...]] = {
     "position": POSITION_UNITS,
     "velocity": MOTION_UNITS["velocity"],
@@ -325,14 +327,16 @@ def stored_curves(cell: MeasuredCell, store: Store) -> dict[str, Array]:
 
 
 def cells_of(
-    cases: Iterable[Case], solvers: Sequence[str], runs: Sequence[Kind] = ("dynamics",)
+    cases: Iterable[Case], solvers: Sequence[str], runs: Sequence[Kind] = ()
 ) -> list[Cell]:
-    """The cells of all cases that have one of some runs, case by case."""
+    """The cells of all cases that have one of some runs, case by case.
+
+    Without `runs` it is one run of each case: that in time, or else its sweep or its equilibrium.
+    """
     return [
         Cell(case, run, solver)
         for case in cases
-        for run in runs
-        if run in case.run
+        for run in [one for one in runs or KINDS_OF_RUNS if one in case.run][: None if runs else 1]
         for solver in solvers
     ]
 

@@ -169,10 +169,25 @@ def test_sidecar_at_fault_costs_its_row_only(tmp_path: Path) -> None:
     assert [one["case"] for one in table["results"]] == ["pendulum"]
 
 
-def test_case_without_run_in_time_is_named(tmp_path: Path) -> None:
-    """Nothing of what was asked for is left out without a word."""
-    words = ["engines", str(shipped("pendulum.toml")), str(shipped("balancer4_sam.toml"))]
-    made = CliRunner().invoke(app, [*words, "--engine", "mujoco", "-o", str(tmp_path / "o")])
+def test_every_case_has_a_run(tmp_path: Path) -> None:
+    """A case without a run in time has its sweep or its equilibrium, unless runs are asked for."""
+    cases = ["pendulum", "springs_series", "rod_cantilever"]
+    words = ["engines", *(str(shipped(f"{name}.toml")) for name in cases), "--engine", "mujoco"]
+    made = CliRunner().invoke(app, [*words, "-o", str(tmp_path / "o")])
     assert made.exit_code == 0, made.output
-    assert "left out, since they have no run in time: balancer4_sam\n" in made.stderr
+    assert "3 of 3" in made.stdout
+    table = json.loads((tmp_path / "o" / "engines.json").read_text())
+    runs = {one["case"]: one["run"] for one in table["results"]}
+    assert runs == dict(zip(cases, ("dynamics", "sweep", "equilibrium"), strict=True))
+    page = (tmp_path / "o" / "index.html").read_text(encoding="utf-8")
+    assert 'springs_series <span class="small soft">sweep</span>' in page
+
+
+def test_case_without_the_run_is_named(tmp_path: Path) -> None:
+    """Nothing of what was asked for is left out without a word."""
+    words = ["engines", str(shipped("pendulum.toml")), str(shipped("springs_series.toml"))]
+    words += ["--engine", "mujoco", "--run", "sweep", "-o", str(tmp_path / "o")]
+    made = CliRunner().invoke(app, words)
+    assert made.exit_code == 0, made.output
+    assert "left out, since they have no run sweep: pendulum\n" in made.stderr
     assert "1 of 1" in made.stdout
