@@ -18,7 +18,7 @@ from proofmass.sim.engines import VERSION_MARK, NoEngine, engine_of, format_solv
 from proofmass.sim.hosts.engine import HostedEngine
 from proofmass.sim.hosts.releases import list_releases
 from proofmass.sim.protocol.failures import Unsupported
-from proofmass.studies.cells import Cell
+from proofmass.studies.cells import Cell, cells_of
 from proofmass.studies.store import Store
 from proofmass.studies.study import Study
 from proofmass.studies.versions.bare import BareCell
@@ -101,7 +101,7 @@ def asked_versions(engines: Sequence[str], every: bool, since: str) -> tuple[str
 
 
 def list_series(paths: list[Path], engine: str, versions: tuple[str, ...]) -> list[VersionSeries]:
-    """The series of all cases below the paths that have a run in time, and of models without one.
+    """The series of all cases below the paths, and of models without a sidecar.
 
     Raises
     ------
@@ -116,21 +116,19 @@ def list_series(paths: list[Path], engine: str, versions: tuple[str, ...]) -> li
     for file in files:
         if file.suffix == ".toml":
             case = rename_case(load_validated(file.absolute()), names[file])
-            if "dynamics" not in case.run:
-                error_console.print(f"passed over: {case.name}: it has no run in time")
-                continue
             make: MakeCell = partial(case_cell, case, engine)
         else:
             make = partial(model_cell, file.absolute(), names[file], engine)
         found.append(VersionSeries(names[file], make, versions))
     if not found:
-        raise InputError(paths[0], "", "no case has a run in time")
+        raise InputError(paths[0], "", "no case and no model")
     return found
 
 
 def case_cell(case: Case, engine: str, version: str) -> Cell:
-    """The run in time of a case in a version."""
-    return Cell(case, "dynamics", f"{engine}{VERSION_MARK}{version}")
+    """The run of a case in a version, see `cells_of`."""
+    (cell,) = cells_of([case], [f"{engine}{VERSION_MARK}{version}"])
+    return cell
 
 
 def model_cell(model: Path, name: str, engine: str, version: str) -> BareCell:

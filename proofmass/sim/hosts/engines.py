@@ -213,4 +213,5 @@ RAPIER = SteppedEngine(
         "the package rapier on PyPI is another program; the bindings are rapier3d",
     ),
     settings=RapierSettings,
+    rests=True,
 )

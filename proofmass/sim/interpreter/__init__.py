@@ -37,6 +37,7 @@ from .mechanism import (
     WayToRest,
 )
 from .record import record, rows_at_samples
+from .rests import NoRest, come_to_rest
 from .runge_kutta import runge_kutta
 from .serve import load_beside
 from .tree import TreeRow, in_time, joined_points, one_joint_each, tree_forces, tree_rows
@@ -52,11 +53,13 @@ __all__ = [
     "NeutralLoop",
     "NeutralMechanism",
     "NeutralSpring",
+    "NoRest",
     "Refused",
     "Stopwatch",
     "TreeRow",
     "WayToRest",
     "armatures_with_rotors",
+    "come_to_rest",
     "drive_rates",
     "frame_of_axis",
     "in_space",

@@ -9,7 +9,7 @@ import numpy as np
 
 from .checks import LOST_SIZES, Stopwatch, check_motions
 from .geometry import LinkMotion
-from .mechanism import LinkStates, NeutralMechanism
+from .mechanism import LinkStates, NeutralMechanism, WayToRest
 
 SLOWER = 0.5
 """Share of the least speed so far that counts as slower."""
@@ -47,7 +47,8 @@ def record_rests(
         for sample in range(mechanism.samples):
             first = sample * mechanism.count
             try:
-                steps += come_to_rest(mechanism, partial(step, first), read)
+                speed = partial(fastest_link, mechanism, read)
+                steps += come_to_rest(mechanism.rest, partial(step, first), speed)
             except NoRest as error:
                 found = states.first(sample, f"{error} at sample {sample}")
                 break
@@ -64,35 +65,44 @@ def record_rests(
     return found
 
 
-def come_to_rest(
-    mechanism: NeutralMechanism, step: Callable[[], None], read: Callable[[int], LinkMotion]
-) -> int:
-    """Repeat a step until the links are at rest at all checks of a period.
+def come_to_rest(rest: WayToRest, step: Callable[[], None], speed: Callable[[], float]) -> int:
+    """Repeat a step until a mechanism is at rest at all checks of a period.
 
-    Returns the number of steps.
+    Parameters
+    ----------
+    rest : WayToRest
+    step : callable
+    speed : callable
+        The largest speed after a step [m/s], or in the unit of the speeds of `rest`; not finite if
+        the mechanism is lost.
+
+    Returns
+    -------
+    int
+        The number of steps.
 
     Raises
     ------
     NoRest
         They are still too fast when they do not become slower, or after `WayToRest.most` steps.
     """
-    rest, least, waited, recent = mechanism.rest, np.inf, 0, [np.inf] * CALM_CHECKS
+    least, waited, recent = np.inf, 0, [np.inf] * CALM_CHECKS
     for steps in range(rest.block, rest.most + 1, rest.block):
         for _ in range(rest.block):
             step()
-        recent = [*recent[1:], fastest_link(mechanism, read)]
-        speed, waited = max(recent), waited + 1
+        recent = [*recent[1:], speed()]
+        largest, waited = max(recent), waited + 1
         if not np.isfinite(recent[-1]):
             raise NoRest("a position is not finite or lost")
-        if speed < rest.speed:
+        if largest < rest.speed:
             return steps
-        if speed < SLOWER * least:
-            least, waited = speed, 0
+        if largest < SLOWER * least:
+            least, waited = largest, 0
         if waited >= PATIENCE:
             break
-    if speed < rest.slow:
+    if largest < rest.slow:
         return steps
-    raise NoRest(f"not at rest after {steps} steps, the fastest link moves at {speed:.2g} m/s")
+    raise NoRest(f"not at rest after {steps} steps, what is fastest moves at {largest:.2g} m/s")
 
 
 def fastest_link(mechanism: NeutralMechanism, read: Callable[[int], LinkMotion]) -> float:

@@ -24,12 +24,14 @@ from proofmass.sim.mujoco.dynamics import initialize_dynamics
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.settings import MujocoSettings
+from proofmass.sim.mujoco.settling import set_inertia_and_damping
 from proofmass.sim.mujoco.support import SUPPORT
 from proofmass.sim.neutral import NeutralReader, read_mechanism
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import Diverged, Unsupported
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.protocol.settings import EngineSettings
+from proofmass.sim.resting import RestReader, read_rest
 
 WRITTEN_ARRAYS = (
     *("eq_solref", "eq_solimp", "eq_active0", "jnt_solref", "jnt_solimp", "jnt_limited"),
@@ -60,6 +62,7 @@ class HostedMujoco(HostedEngine):
         *,
         title: str,
         about: About,
+        rests: bool = False,
         oldest: str = "",
     ) -> None:
         super().__init__(
@@ -69,6 +72,7 @@ class HostedMujoco(HostedEngine):
             about=about,
             settings=MujocoSettings,
             stops=True,
+            rests=rests,
             oldest=oldest,
         )
         self.support = SUPPORT  # type: ignore[misc]
@@ -91,6 +95,10 @@ class HostedMujoco(HostedEngine):
             reader = NeutralReader(compiled, replace(run, settings={}), step, state)
             mjcf = read_mjcf(model, compiled, data, reader)
             return reader, replace(reader.mechanism(forces=False), mjcf=mjcf)
+        if run.kind in ("sweep", "equilibrium") and self.rests:
+            rest = read_rest(model, replace(run, settings={}), self.support, step)
+            mjcf = read_mjcf(model, compiled, data, rest)
+            return rest, replace(rest.mechanism(forces=False), mjcf=mjcf)
         reader = read_mechanism(model, replace(run, settings={}), self.support, step, contacts=True)
         mjcf = read_mjcf(model, compiled, data, reader)
         return reader, replace(reader.mechanism(forces=False), mjcf=mjcf)
@@ -133,13 +141,19 @@ def read_mjcf(
 ) -> Mjcf:
     """The text of a model and its state at the start of a run, with flywheels.
 
+    For a run that comes to rest it has the inertia and the damping of a settled sweep.
+
     `model` and `data` have the settings of the run, and are changed.
     """
     run, model.opt.timestep = reader.run, reader.step
     steps = reader.count * (run.x.size - 1)
     dofs, torque = np.zeros(0, np.intp), np.zeros((steps, 0))
     instant = np.zeros((steps + 1, 0))
-    if run.kind != "passive":
+    if isinstance(reader, RestReader):
+        linkage = Linkage(model, data, tuple(drive.joint for drive in run.drives))
+        set_inertia_and_damping(linkage)
+        dofs = linkage.dofs.copy()
+    elif run.kind != "passive":
         linkage = Linkage(model, data, tuple(drive.joint for drive in run.drives))
         times = run.x[0] + reader.step * np.arange(steps + 1)
         torque, instant = initialize_dynamics(linkage, run, times)
@@ -193,6 +207,7 @@ MUJOCO = HostedMujoco(
         "Apache-2.0",
         "the settings of the model",
     ),
+    rests=True,
     oldest="3.1.0",
 )
 MJX = HostedMujoco(

@@ -71,7 +71,7 @@ def write_engines(folder: Path | str, output: Path | str, home: str = "") -> Stu
     solvers = list(dict.fromkeys(one.solver for one in results))
     cases = list(dict.fromkeys((one.case, one.run) for one in results))
     places = {(one.case, one.run, one.solver): one for one in results}
-    runs = {case: run for case, run in reversed(cases)}  # the first of each case
+    runs = dict(reversed(cases))  # the first of each case
     rows = [
         (
             case,

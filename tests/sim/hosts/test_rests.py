@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -195,17 +194,12 @@ REST = WayToRest(1.0, 1e-6, 1e-2, 1, 500)
 
 def resting(speeds: Iterator[float]) -> int:
     """Steps until links with these speeds are at rest."""
-    mechanism = SimpleNamespace(rest=REST, links=(None, None), size=1.0)
     now = [0.0]
 
     def step() -> None:
         now[0] = next(speeds)
 
-    return come_to_rest(
-        mechanism,  # type: ignore[arg-type]
-        step,
-        lambda k: (np.zeros(3), np.eye(3), np.array([now[0], 0.0, 0.0]), np.zeros(3)),
-    )
+    return come_to_rest(REST, step, lambda: now[0])
 
 
 def test_a_decaying_motion_comes_to_rest() -> None:
@@ -217,7 +211,7 @@ def test_a_decaying_motion_comes_to_rest() -> None:
 def test_rounding_is_a_rest_if_it_is_slow() -> None:
     """A speed that stays at 1e-3 is accepted, one at 1 is not."""
     assert resting(iter([1e-3] * 1000)) < REST.most
-    with pytest.raises(NoRest, match=r"not at rest after \d+ steps.*1 m/s"):
+    with pytest.raises(NoRest, match=r"not at rest after \d+ steps.*at 1 m/s"):
         resting(iter([1.0] * 1000))
 
 
@@ -239,6 +233,16 @@ def test_a_chain_that_falls_apart_is_diverged(monkeypatch: pytest.MonkeyPatch) -
     case, run = few("balancer_sine", "sweep", 5)
     with pytest.raises(Diverged, match=r"not at rest after \d+ steps.*at sample \d \(x = "):
         HERE.simulate(case.model_path, run)
+
+
+def test_mujoco_of_another_version_comes_to_rest() -> None:
+    """Its loops and stops are soft, as in a settled sweep of the version here: 1e-6 of a range."""
+    if why := why_not_there("mujoco==3.6.0"):
+        pytest.skip(why)
+    engine = engine_of("mujoco==3.6.0")
+    assert isinstance(engine, HostedEngine)
+    for name in ("balancer_sine_preload", "fourbar"):
+        assert max(errors(*few(name, "sweep", 5), engine).values()) < 1e-5
 
 
 ENGINES = {"bullet": 1e-9, "dart": 1e-8, "simbody": 1e-8, "pinocchio": 1e-9, "drake": 3e-3}

@@ -4,9 +4,19 @@ import os
 
 import mujoco
 import numpy as np
-from proofmass_host import LinkStates, NeutralMechanism, Refused, Stopwatch
+from proofmass_host import (
+    LinkStates,
+    NeutralMechanism,
+    NoRest,
+    Refused,
+    Stopwatch,
+    WayToRest,
+    come_to_rest,
+)
 
 VERSIONS = {"mujoco": mujoco.__version__, "numpy": np.__version__}
+STEPS_AT_ONCE, REST = 50, WayToRest(0.0, 1e-9, 1e-5, 1, 8000)  # of the fastest joint
+MOVES_PER_COUNT = 50  # steps for one of `NeutralMechanism.count`, which is for stiffer constraints
 FATAL = ("mjWARN_INERTIA", "mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
 
 
@@ -56,6 +66,8 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     """Step as the product's own engine does, and read the links at the samples."""
     mjcf = mechanism.mjcf
     model, data = build(mjcf)
+    if mechanism.rest:
+        return come_to_rests(mechanism, model, data)
     count, n, changes = mechanism.count, mechanism.samples, mjcf.changed.size > 0
     rows = [np.empty((n, size)) for size in (model.nq, model.nv, model.nv)]
     times = np.empty(n)
@@ -79,6 +91,36 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     # with such a warning MuJoCo starts again, at time 0
     lost = times < (np.arange(n) * count - 0.5) * model.opt.timestep
     rows[0][int(np.argmax(lost)) if lost.any() else n :] = np.nan
+    return states_of(mechanism, model, rows, watch.seconds, failed)
+
+
+def come_to_rests(mechanism, model, data):
+    """Step to rest at each sample, as a settled sweep of the product's own engine."""
+    mjcf, n, failed = mechanism.mjcf, mechanism.samples, ""
+    rows = [np.zeros((n, size)) for size in (model.nq, model.nv, model.nv)]
+    rows[0][:] = np.nan
+    adr = [model.jnt_qposadr[one.joint] for one in mechanism.drives]
+    values, moves = np.zeros(len(adr)), MOVES_PER_COUNT * mechanism.count
+    data.qvel[:] = 0.0
+
+    def step():
+        data.qpos[adr], data.qvel[mjcf.dofs] = values, 0.0
+        mujoco.mj_step(model, data, STEPS_AT_ONCE)
+
+    with Stopwatch() as watch:
+        for k in range(n):
+            values[:] = [one.value[2 * k * mechanism.count] for one in mechanism.drives]
+            if mjcf.changed.size:
+                data.ctrl[mjcf.changed] = mjcf.controls[2 * k * mechanism.count]
+            if k:
+                data.qvel[mjcf.dofs] = (values - data.qpos[adr]) / (moves * model.opt.timestep)
+                mujoco.mj_step(model, data, moves)
+            try:
+                come_to_rest(REST, step, lambda: np.abs(data.qvel).max())
+            except NoRest as error:
+                failed = f"{error} at sample {k}"
+                break
+            rows[0][k] = data.qpos
     return states_of(mechanism, model, rows, watch.seconds, failed)
 
 
