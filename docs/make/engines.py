@@ -41,9 +41,10 @@ VERSION_CASES = (
 WITNESSES, WITNESSED = ("pinocchio", "simbody"), 1e-8
 """Engines with exact constraints, and the error of positions over the range within which they
 confirm a reference."""
-SLOW = ("mjx", "mujoco_warp")
+SLOW = ("mjx", "mujoco_warp", "newton")
 """Engines that compile for minutes, and are left out: a case takes 12 to 33 s of wall time in MJX,
-and 40 to 230 s in Warp, which has no GPU here."""
+and 40 to 230 s in Warp, which has no GPU here.  A four-bar with its 6480 steps takes 11 minutes of
+processor time in Newton."""
 MARKED = {
     "witnesses": "python -m docs.make.engines writes the witnesses from here to the next mark",
     "engines": "python -m docs.make.engines writes the engines from here to the next mark",

@@ -215,3 +215,16 @@ RAPIER = SteppedEngine(
     settings=RapierSettings,
     rests=True,
 )
+NEWTON = HostedEngine(
+    "newton.py",
+    ("newton==1.8.0",),
+    title="Newton",
+    about=About(
+        "loops by a direct solution in single precision (Kamino, DVI); semi-implicit Euler",
+        "Apache-2.0",
+        "an open loop is closed in one step, instead of 1 % of it",
+        "newton-physics is its former name; a step takes 0.1 s of a processor, and the first run "
+        "compiles for minutes",
+    ),
+    settings=SteppedSettings,
+)
