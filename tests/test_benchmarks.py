@@ -48,6 +48,7 @@ SLOW_BENCHMARKS = (
     "pictures",
     "proposals",
     "rod_settling",
+    "threads",
     "rod_solutions",
     "stress",
 )

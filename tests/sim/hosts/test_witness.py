@@ -31,7 +31,7 @@ def provided() -> None:
 
 @pytest.mark.parametrize("name", ["fourbar", "pendulum"])
 def test_references_are_confirmed(name: str) -> None:
-    """Two closed forms; the slow test has all references."""
+    """Two closed forms, of which that with a loop is slow, as are all references."""
     found = Cell(shipped_case(shipped(f"{name}.toml")), "dynamics", "pinocchio").measure()[0]
     assert found.position < WITNESSED
 
