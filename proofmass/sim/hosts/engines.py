@@ -147,6 +147,7 @@ EXUDYN = SteppedEngine(
         "Newton tolerance 1e-10; begins with the accelerations of two very short steps",
     ),
     settings=ExudynSettings,
+    rests=True,
 )
 DRAKE = SteppedEngine(
     "drake.py",

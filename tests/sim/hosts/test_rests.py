@@ -123,7 +123,7 @@ def test_a_sweep_with_inertia_is_refused() -> None:
 def test_an_engine_without_rests_is_named() -> None:
     """A script that does not come to rest is stepped in time only."""
     case, run = few("fourbar", "sweep", 3)
-    engine = engine_of("exudyn")
+    engine = engine_of("mjx")
     assert isinstance(engine, HostedEngine)
     assert not engine.rests
     with pytest.raises(Unsupported, match="stepped in time only"):
@@ -245,7 +245,14 @@ def test_mujoco_of_another_version_comes_to_rest() -> None:
         assert max(errors(*few(name, "sweep", 5), engine).values()) < 1e-5
 
 
-ENGINES = {"bullet": 1e-9, "dart": 1e-8, "simbody": 1e-8, "pinocchio": 1e-9, "drake": 3e-3}
+ENGINES = {
+    "exudyn": 1e-9,
+    "bullet": 1e-9,
+    "dart": 1e-8,
+    "simbody": 1e-8,
+    "pinocchio": 1e-9,
+    "drake": 3e-3,
+}
 """Errors over the range, by the way an engine closes loops: Drake's are stiff springs; Simbody's
 accuracy and DART's speeds at rest leave ten times as much as the others."""
 
@@ -262,7 +269,7 @@ def test_engines_come_to_rest(name: str) -> None:
     if engine.stops:
         assert max(errors(*preloaded, engine).values()) < ENGINES[name]
     else:
-        with pytest.raises(Unsupported, match="reaches the end of its range"):
+        with pytest.raises((Unsupported, Diverged), match=r"end of its range|not converge"):
             errors(*preloaded, engine)
 
 

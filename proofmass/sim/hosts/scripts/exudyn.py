@@ -15,6 +15,7 @@ VERSIONS = {"exudyn": exu.__version__, "numpy": np.__version__}
 MEASURED = "Position RotationMatrix Velocity AngularVelocity Acceleration AngularAcceleration"
 COORDINATES = "Coordinates Coordinates_t Coordinates_tt"
 KINDS = {"hinge": exu.JointType.RevoluteZ, "slide": exu.JointType.PrismaticZ}
+STATIC_STEPS = 2  # static solutions from sample to sample
 SHORT_SHARE = 0.01  # length of the steps at the start, in steps
 
 
@@ -107,28 +108,52 @@ class ExudynSystem:
         kinds = [getattr(exu.OutputVariableType, name) for name in names]
         return [self.mbs.AddSensor(kind(**given, outputVariableType=one)) for one in kinds]
 
+    def wanted(self, full):
+        """Settings of a solver, with full pivoting if it is asked for."""
+        wanted = exu.SimulationSettings()
+        wanted.solution.file.write = False
+        wanted.solution.sensors.writePeriod = self.mechanism.count * self.mechanism.step
+        if full:
+            wanted.linearSolver.solverType = exu.LinearSolverType.EigenDense
+            wanted.linearSolver.ignoreSingularJacobian = True
+        return wanted
+
     def solve(self, steps, step, full, first=False):
         """Solve from the start; the engine sets the accelerations there if it is the `first`."""
-        wanted = exu.SimulationSettings()
+        wanted = self.wanted(full)
         time, newton = wanted.timeIntegration, wanted.timeIntegration.newton
         time.numberOfSteps, time.endTime, time.verboseMode = steps, steps * step, 0
-        wanted.solution.file.write, rule = False, time.generalizedAlpha
-        wanted.solution.sensors.writePeriod = self.mechanism.count * step
+        rule = time.generalizedAlpha
         if not self.settings["defaults"]:
             newton.relativeTolerance = newton.absoluteTolerance = 1e-10
             newton.residualMode, newton.useModifiedNewton = 1, False  # tolerances of increments
             rule.useNewmark = rule.useIndex2Constraints = self.settings["scheme"] == "trapezoidal"
             rule.computeInitialAccelerations, rule.resetAccelerations = first, False
-        if full:
-            wanted.linearSolver.solverType = exu.LinearSolverType.EigenDense
-            wanted.linearSolver.ignoreSingularJacobian = True
         self.mbs.SolveDynamic(wanted, showCausingItems=False)
+
+    def solve_rests(self, duration, steps, full):
+        """Solve equilibria over a duration from the start, which is then that of its end."""
+        wanted, system = self.wanted(full), self.mbs.systemData
+        static = wanted.staticSolver
+        static.numberOfLoadSteps, static.loadStepDuration, static.verboseMode = steps, duration, 0
+        static.newton.relativeTolerance = static.newton.absoluteTolerance = 1e-10
+        static.useLoadFactor = False
+        self.mbs.SolveStatic(wanted, showCausingItems=False)
+        system.SetSystemState(system.GetSystemState(), exu.ConfigurationType.Initial)
 
     def run(self, full=False):
         """Solve for all samples, if possible, and return whether it came to the end."""
         system, short = self.mbs.systemData, SHORT_SHARE * self.mechanism.step
         start = exu.ConfigurationType.Initial
         try:
+            if self.mechanism.rest:
+                length, last = (
+                    self.mechanism.steps * self.mechanism.step,
+                    self.mechanism.samples - 1,
+                )
+                self.solve_rests(short, 1, full)
+                self.solve_rests(length or short, STATIC_STEPS * last or 1, full)
+                return True
             if not self.settings["defaults"]:
                 rates = [system.GetODE2Coordinates_t(start)]
                 for steps in (1, 2):
