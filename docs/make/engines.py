@@ -19,8 +19,9 @@ from docs.make.marks import write_between
 from docs.make.pictures import CHROMIUM, chromium, few_colours, open_page, picture
 from proofmass.base.wording import number
 from proofmass.commands.engines import named_engines
+from proofmass.run.sidecar import load_case
 from proofmass.sim.engines import format_solver
-from proofmass.studies.cells import CellResult, format_motion_errors
+from proofmass.studies.cells import CellResult, format_motion_errors, format_one_digit
 from proofmass.studies.engines.page import ENGINES_TABLE, MARKS, SILENT_MARK, read_engines
 from proofmass.studies.engines.summary import summarize_engine
 from proofmass.studies.versions.page import VERSIONS_TABLE, read_comparison
@@ -45,7 +46,11 @@ SLOW = ("mjx", "mujoco_warp", "newton")
 """Engines that compile for minutes, and are left out: a case takes 12 to 33 s of wall time in MJX,
 and 40 to 230 s in Warp, which has no GPU here.  A four-bar with its 6480 steps takes 11 minutes of
 processor time in Newton."""
+RESTING = ("mujoco", "pymunk", "exudyn", "dart")
+"""Engines of the table of sweeps and equilibria; the others need a minute for many sweeps."""
+REST_KINDS = "position", "force"
 MARKED = {
+    "rests": "python -m docs.make.engines writes the rests from here to the next mark",
     "witnesses": "python -m docs.make.engines writes the witnesses from here to the next mark",
     "engines": "python -m docs.make.engines writes the engines from here to the next mark",
     "versions": "python -m docs.make.engines writes the versions from here to the next mark",
@@ -66,10 +71,12 @@ def main() -> None:
             return
         asked = [name for name in named_engines([]) if name not in SLOW]
         flags = [word for name in asked for word in ("--engine", name)]
-        run("engines", "models/", *flags, "-o", store / "engines")
+        run("engines", "models/", *flags, "--run", "dynamics", "-o", store / "engines")
+        flags = [word for name in RESTING for word in ("--engine", name)]
+        run("engines", *cases_at_rest(), *flags, "-o", store / "rests")
         cases = [f"models/{case}.toml" for case in VERSION_CASES]
         run("versions", *cases, "--engine", "mujoco", "--all", "-o", store / "versions")
-        write_page(store / "engines", store / "versions")
+        write_page(store / "engines", store / "rests", store / "versions")
 
 
 def run(*words: object) -> None:
@@ -80,19 +87,21 @@ def run(*words: object) -> None:
         raise SystemExit(made.returncode)
 
 
-def write_page(engines: Path, versions: Path) -> None:
-    """Write the tables of the page and its picture from the folders of both studies."""
+def cases_at_rest() -> list[Path]:
+    """The shipped cases that have a sweep or an equilibrium, and no run in time."""
+    files = sorted((ROOT / "models").rglob("*.toml"))
+    return [file for file in files if "dynamics" not in load_case(file).run]
+
+
+def write_page(engines: Path, rests: Path, versions: Path) -> None:
+    """Write the tables of the page and its picture from the folders of all studies."""
     results = read_engines(engines / ENGINES_TABLE)["results"]
-    comparison = read_comparison(versions / VERSIONS_TABLE)
-    text = PAGE.read_text(encoding="utf-8")
-    for name, lines in (
-        ("engines", engine_lines(results)),
-        ("witnesses", witness_lines(results)),
-        ("versions", version_lines(comparison)),
-    ):
-        begin, end = f"<!-- {MARKED[name]} -->", f"<!-- to here: {name} -->"
-        text = write_between(text, begin, end, "\n".join(lines))
-    PAGE.write_text(text, encoding="utf-8")
+    write_tables(
+        engines=engine_lines(results),
+        rests=rest_lines(read_engines(rests / ENGINES_TABLE)["results"]),
+        witnesses=witness_lines(results),
+        versions=version_lines(read_comparison(versions / VERSIONS_TABLE)),
+    )
     if CHROMIUM:
         with chromium() as browser:
             tab = open_page(browser, engines / "index.html")
@@ -100,6 +109,51 @@ def write_page(engines: Path, versions: Path) -> None:
             tab.reload()
             tab.wait_for_load_state()
             few_colours(picture(tab)).save(PICTURE, optimize=True)
+
+
+def write_tables(**tables: Iterator[str]) -> None:
+    """Write tables of the page between their marks."""
+    text = PAGE.read_text(encoding="utf-8")
+    for name, lines in tables.items():
+        begin, end = f"<!-- {MARKED[name]} -->", f"<!-- to here: {name} -->"
+        text = write_between(text, begin, end, "\n".join(lines))
+    PAGE.write_text(text, encoding="utf-8")
+
+
+def rest_lines(results: Sequence[CellResult]) -> Iterator[str]:
+    """The table of sweeps and equilibria: errors of positions and forces, or why there are none."""
+    solvers = list(dict.fromkeys(one.solver for one in results))
+    cases = list(dict.fromkeys((one.case, one.run) for one in results))
+    places = {(one.case, one.solver): one for one in results}
+    filled = sum(one.is_filled for one in results)
+    yield (
+        f"{filled} of {len(results)} runs have errors: {len(cases)} cases without a run in time, "
+        f"{len(solvers)} engines."
+    )
+    yield ""
+    yield f"| case | run | {' | '.join(format_solver(solver) for solver in solvers)} |"
+    yield f"|---|---|{'---|' * len(solvers)}"
+    for case, kind in cases:
+        cells = (rest_words(places.get((case, solver))) for solver in solvers)
+        yield f"| {case} | {kind} | {' | '.join(cells)} |"
+    for solver in solvers:
+        refused = [
+            f"{one.case}: {one.message or one.outcome}"
+            for one in results
+            if one.solver == solver and not one.is_filled
+        ]
+        if refused:
+            yield ""
+            yield f"- {format_solver(solver)} without errors: {'; '.join(refused)}."
+
+
+def rest_words(result: CellResult | None) -> str:
+    """A cell of the table of rests."""
+    if result is None or not result.is_filled:
+        return result_words(result)
+    parts = [worst.share for kind in REST_KINDS if (worst := result.worst(kind))]
+    words = " / ".join(map(format_one_digit, parts))
+    return f"{SILENT_MARK} {words}" if result.is_silently_wrong else words
 
 
 def engine_lines(results: Sequence[CellResult]) -> Iterator[str]:

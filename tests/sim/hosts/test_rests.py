@@ -273,6 +273,15 @@ def test_engines_come_to_rest(name: str) -> None:
             errors(*preloaded, engine)
 
 
+def test_simbody_refuses_loads_that_change_in_a_sweep() -> None:
+    """Its loads are functions of the time, which goes on while the drives stand still."""
+    if why := why_not_there("simbody"):
+        pytest.skip(why)
+    case, run = few("finger", "sweep", 5)
+    with pytest.raises(Unsupported, match="loads that change in a sweep"):
+        engine_of("simbody").simulate(case.model_path, run)
+
+
 def test_pins_on_the_ground_carry_the_weight() -> None:
     """At rest the forces in the two pins of a four-bar on the ground add up to its weight."""
     model = mujoco.MjModel.from_xml_path(str(shipped("fourbar_forces.xml")))

@@ -31,9 +31,10 @@ class DrakeRun:
         self.mechanism, self.exact, self.number = mechanism, settings["scheme"] == "continuous", 0
         slack = tuple(one for one in mechanism.springs if not 0 < one.slack[0] == one.slack[1])
         self.by_hand, self.tree = replace(mechanism, springs=slack), host.one_joint_each(mechanism)
-        held = mechanism.loops or mechanism.gears or any(one.limits for one in mechanism.joints)
-        if self.exact and (held or slack or mechanism.rest):
-            raise host.Refused("loops, gears, stops, rests or a slack range in continuous time")
+        held = mechanism.loops or mechanism.gears or mechanism.drives or mechanism.rest or slack
+        acts = any(o.limits or o.is_forced or o.spring[1:].any() for o in mechanism.joints)
+        if self.exact and (held or acts or any(one.share.size > 1 for one in mechanism.loads)):
+            raise host.Refused("other than free trees with linear springs in continuous time")
         self.plant = plant.MultibodyPlant(0.0 if self.exact else mechanism.step)
         if not (settings["defaults"] or self.exact):
             self.plant.set_discrete_contact_approximation(plant.DiscreteContactApproximation.kSap)
@@ -139,12 +140,10 @@ class DrakeRun:
         self.plant.get_applied_spatial_force_input_port().FixValue(self.context, pushes)
 
     def step(self, i):
-        """Make step number i; in continuous time the forces of the next act where it is read."""
+        """Make step number i."""
         self.apply(i)
         self.number += 1  # at rest a step is repeated
         self.simulator.AdvanceTo(self.number * self.mechanism.step)
-        if self.exact:
-            self.apply(i + 1)
 
     def read(self, k):
         """The motion of a link, in continuous time with its accelerations."""

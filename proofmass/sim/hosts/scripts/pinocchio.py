@@ -87,9 +87,8 @@ class ProximalMotion:
             if one.kind in SINGLE:
                 motor = one.force[half % one.force.size]
                 force[i] = motor + one.passive_force(one.value + q[k], v[i])
-        if self.mechanism.rest:
-            upper = np.triu(pin.crba(self.model, self.data, q))  # the lower half is not set
-            force -= self.mechanism.rest.drag * (upper + np.triu(upper, 1).T) @ v
+        if self.mechanism.rest:  # without gravity
+            force -= self.mechanism.rest.drag * pin.rnea(self.model, self.data, q, 0.0 * v, v)
         pin.computeJointJacobians(self.model, self.data, q)
         for one in self.mechanism.springs:
             gap, lever = self.gap(one)

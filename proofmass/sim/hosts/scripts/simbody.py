@@ -60,6 +60,9 @@ class OpenSimModel:
             self.model.addConstraint(coupler)
         self.add_springs_and_loads()
         if mechanism.rest:
+            shares = [one.share for one in mechanism.loads] + [one.force for one in joints]
+            if any(one.size > 1 for one in shares):
+                raise Refused("loads that change in a sweep")
             for body, link in zip(self.bodies[1:], mechanism.links[1:]):
                 self.add_drag(body, link)
         self.state, self.manager, self.goals = self.model.initSystem(), None, {}
