@@ -1,7 +1,6 @@
 """Cases whose runs are made by engines that a command asks for, in place of their own solvers."""
 
 from collections.abc import Sequence
-from fnmatch import fnmatchcase
 
 from proofmass.case.case import Case
 from proofmass.sim.engines import VERSION_MARK, engine_of
@@ -10,8 +9,9 @@ from proofmass.sim.engines import VERSION_MARK, engine_of
 def with_engines(case: Case, engines: Sequence[str]) -> Case:
     """The case with its runs made by other engines, without a refinement study.
 
-    An engine in another version, such as ``mujoco==3.3.7``, has the settings and the tolerances of
-    the engine without a version, if both have the same settings.
+    An engine in another version, such as ``mujoco==3.3.7``, has the settings and, in time, the
+    tolerances of the engine without a version, if both have the same settings.  In a sweep it comes
+    to rest by its own steps, to which tolerances of poses by Newton's method do not apply.
 
     Parameters
     ----------
@@ -29,11 +29,14 @@ def with_engines(case: Case, engines: Sequence[str]) -> Case:
             continue
         if own in case.settings:
             settings.setdefault(engine, case.settings[own])
+        in_time = {"solver": (engine,), "run": "dynamics"}
         tolerances = [
-            one.model_copy(update={"solver": (*one.solver, engine)})
-            if any(fnmatchcase(own, pattern) for pattern in one.solver)
-            else one
+            found
             for one in tolerances
+            for found in (
+                *([one.model_copy(update=in_time)] if one.is_for("dynamics", own) else []),
+                one,
+            )
         ]
     return case.model_copy(
         update={

@@ -48,6 +48,9 @@ MIN_STEPS_PER_MOVE = 8
 MAX_FALL = 0.02
 """Way of a joint in a step in which the stop that it is pressed on does not act [rad or m]: many
 engines have stops that act only on a joint beyond them."""
+ON_STOP = 1e-9
+"""Distance from the end of its range at which a joint lies on its stop [rad or m], and acceleration
+that is rounding, as a share of the largest."""
 MIN_SQUARE_SHARE = 1e-6
 """Share of the largest stiffness over inertia that counts as the smallest: softer motions settle
 more slowly."""
@@ -162,6 +165,18 @@ class RestReader(NeutralReader):
         if not (fastest := float(squares.max())) > 0.0:
             raise Unsupported("a rest of joints that no spring, weight or load holds")
         return fastest, max(float(squares.min()), MIN_SQUARE_SHARE * fastest)
+
+    def joint_on_stop(self) -> str:
+        """The name of a joint that is pressed on the end of its range at the start, or empty."""
+        accelerations = self.accelerations()
+        for j, one in enumerate(self.joints()):
+            if one.limits:
+                change = float(accelerations[self.model.jnt_dofadr[j]])
+                low, high = (abs(one.value - end) <= ON_STOP for end in one.limits)
+                least = ON_STOP * float(np.abs(accelerations).max())
+                if (low and change < -least) or (high and change > least):
+                    return one.name
+        return ""
 
     def push_on_stops(self) -> float:
         """Largest force or moment on a joint with stops in the start pose [N m or N]."""

@@ -19,6 +19,15 @@ def test_other_versions_have_settings_and_tolerances_of_the_engine():
     assert asked.refine is None
 
 
+def test_sweeps_of_other_versions_are_not_judged_as_newtons():
+    """They come to rest by steps: tolerances of poses by Newton's method say nothing of them."""
+    case = shipped_case(shipped("fourbar.toml"))
+    asked = with_engines(case, ("mujoco==3.6.0",))
+    assert case.tolerance_for("sweep", "mujoco", "pin.x")
+    assert asked.tolerance_for("sweep", "mujoco==3.6.0", "pin.x") is None
+    assert asked.tolerance_for("dynamics", "mujoco==3.6.0", "pin.x")
+
+
 def test_pymunk_in_another_version_is_another_host():
     """The host of pymunk has settings of its own, so that it is not judged as the engine here."""
     case = shipped_case(shipped("fourbar.toml"))

@@ -17,6 +17,7 @@ from proofmass.sim.neutral import NeutralReader, read_mechanism, support_without
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.engine import Engine
+from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.protocol.settings import EngineSettings
 from proofmass.sim.resting import read_rest
@@ -181,6 +182,8 @@ class HostedEngine(Engine):
             rest = read_rest(model, replace(run, settings={}), self.support, step)
             if self.planar:
                 find_plane(rest.model, rest.data)
+            if not self.stops and (name := rest.joint_on_stop()):
+                raise Unsupported(f"joint {name!r} rests on the end of its range")
             return rest, rest.mechanism()
         reader = read_mechanism(model, replace(run, settings={}), self.support, step)
         if self.planar:
