@@ -81,11 +81,19 @@ class StateCurves:
         )
 
     def joint(self, j: int) -> JointMotion:
-        """Coordinate, rate and acceleration (n,) of a hinge or slide."""
+        """Coordinate, rate and acceleration (n,) of a hinge or slide.
+
+        Raises
+        ------
+        Unsupported
+            The engine tells no coordinates, and the link has several joints.
+        """
         one, s = self.mechanism.joints[j], self.states
         if s.coordinates.size and np.isfinite(s.coordinates[:2, :, j]).all():
             value, rate, acceleration = s.coordinates[:, :, j]
             return value, rate, acceleration
+        if len(self.mechanism.joints_of(one.child)) > 1:
+            raise Unsupported(f"joint {one.name!r}, one of several of its link: its coordinate")
         a, b = one.parent, one.child
         axis = s.turn[:, a] @ one.axis
         if one.kind == "hinge":

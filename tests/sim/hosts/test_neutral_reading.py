@@ -6,9 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 
+from proofmass.run.solve import prescribed_run
+from proofmass.sim.interpreter.mechanism import LinkStates
 from proofmass.sim.neutral import ModelReader, NeutralReader, read_mechanism
-from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.failures import BadModel, Unsupported
 from proofmass.sim.protocol.run import Drive, Run
+from proofmass.sim.states import StateCurves
+from tests.shipped import shipped, shipped_case
 
 LIMITED = """
 <mujoco>
@@ -121,3 +125,21 @@ def test_a_tendon_that_only_measures_a_length_is_no_spring_of_a_mechanism():
 def test_a_key_that_is_not_there_is_named():
     with pytest.raises(BadModel, match="no key 'end'; the model has start"):
         ModelReader(mujoco.MjModel.from_xml_string(PARTS), "end", ())
+
+
+def test_coordinates_of_several_joints_of_a_link_are_not_guessed() -> None:
+    """Rotations about two axes do not add: without the engine's coordinates there are none."""
+    case = shipped_case(shipped("delta.toml"))
+    run = prescribed_run(case, "dynamics")
+    reader = read_mechanism(case.model_path, run)
+    mechanism = reader.mechanism()
+    curves = StateCurves(reader, mechanism, LinkStates.empty(mechanism))
+    alone, several = (
+        next(
+            j for j, one in enumerate(mechanism.joints) if test(len(mechanism.joints_of(one.child)))
+        )
+        for test in (lambda count: count == 1, lambda count: count > 1)
+    )
+    assert curves.joint(alone)[0] == pytest.approx(mechanism.joints[alone].value)
+    with pytest.raises(Unsupported, match="one of several of its link"):
+        curves.joint(several)

@@ -22,7 +22,7 @@ NOISE, TINY_LEVER = 1e-13, 1e-7  # shares of the largest response of drives, lev
 def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     """Integrate by RK4, and read the links at the samples."""
     motion = ProximalMotion(mechanism, settings)
-    return record(mechanism, motion.step, motion.read, None if mechanism.rest else motion.joint)
+    return record(mechanism, motion.step, motion.read, motion.joint)
 
 
 class ProximalMotion:

@@ -172,6 +172,11 @@ class OpenSimModel:
         rates = (getattr(self.bodies[k], f"get{of}InGround")(self.state) for of in RATES[:2])
         return frame.p().to_numpy(), turn, *(one.to_numpy() for one in rates)
 
+    def joint(self, j):
+        """Coordinate and rate of a hinge or slide."""
+        coordinate = self.coordinates[j]
+        return coordinate.getValue(self.state), coordinate.getSpeedValue(self.state)
+
     def read(self, states, sample, state):
         """Keep the states of all links and joints at a sample."""
         self.model.realizeAcceleration(state)
@@ -193,7 +198,7 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     states.coordinates = np.full((3, mechanism.samples, len(mechanism.joints)), np.nan)
     if mechanism.rest:
         own.accuracy = settings["accuracy"]
-        return record(mechanism, own.step, own.motion)
+        return record(mechanism, own.step, own.motion, own.joint)
     state, manager = own.state, opensim.Manager(own.model)
     if not settings["defaults"]:
         manager.setIntegratorAccuracy(settings["accuracy"])
