@@ -63,6 +63,7 @@ MAX_PERIODS = 200
 """Periods of the slowest oscillation after which a sample is given up: at critical drag a motion
 decays by 500 in each."""
 HALF_STEPS_PER_STEP = 2
+"""Half steps of the step in which the drives stand still at a sample."""
 SMALL_MOVE = 1e-6
 """Motion of a joint for differences of forces [rad], or in sizes of the mechanism [m]."""
 REDUNDANT_SHARE = 1e-10
@@ -168,12 +169,14 @@ class RestReader(NeutralReader):
 
     def joint_on_stop(self) -> str:
         """The name of a joint that is pressed on the end of its range at the start, or empty."""
-        accelerations = self.accelerations()
+        free, force = self.free_motions, self.force_at(np.zeros(self.model.nv))
+        inertia = free.T @ self.unit_mass_matrix() @ free
+        accelerations = free @ np.linalg.solve(inertia, free.T @ force)
         for j, one in enumerate(self.joints()):
             if one.limits:
                 change = float(accelerations[self.model.jnt_dofadr[j]])
                 low, high = (abs(one.value - end) <= ON_STOP for end in one.limits)
-                least = ON_STOP * float(np.abs(accelerations).max())
+                least = ON_STOP * float(np.abs(accelerations).max(initial=0.0))
                 if (low and change < -least) or (high and change > least):
                     return one.name
         return ""
