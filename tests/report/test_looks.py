@@ -95,7 +95,7 @@ def test_spare_colours_differ_from_all_for_colour_blind_readers(kind: str) -> No
 def test_the_engines_of_proofmass_keep_their_colours() -> None:
     looks = solver_looks([*HOSTED, *UNKNOWN])
     assert (looks["mujoco"].colour, looks["pymunk"].colour) == ("#0072B2", "#D55E00")
-    hosted = hosted_names()
+    hosted = hosted_names()[: len(PALETTE) - 2]  # as many as there are colours beside these two
     alone = [solver_looks(["mujoco", "pymunk", name])[name] for name in hosted]
     assert alone == [solver_looks(["mujoco", "pymunk", *hosted])[name] for name in hosted]
 
