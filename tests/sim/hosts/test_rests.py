@@ -191,6 +191,34 @@ def test_weights_become_loads() -> None:
     assert moment == pytest.approx(np.cross(data.xipos, weights).sum(axis=0))
 
 
+FALLING = """<mujoco><compiler angle="radian"/>
+  <option gravity="0 -9.81 0" timestep="1e-3"><flag contact="disable"/></option>
+  <worldbody><body name="rod"><joint name="hinge" range="-1 2"/>
+    <inertial pos="1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body>
+    <body name="cart" pos="0 2 0"><joint name="slide" type="slide" axis="0 1 0" range="-0.5 1"/>
+    <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body></worldbody>
+  <sensor><jointpos name="angle" joint="hinge"/><jointpos name="way" joint="slide"/></sensor>
+  <keyframe><key name="start" qpos="0 0"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("name", "slop"),
+    [("here", 1e-9), ("bullet", 1e-6), ("dart", 1e-6), ("drake", 1e-6), ("box2d", 0.035)],
+)
+def test_what_falls_ends_on_its_stop(name: str, slop: float, tmp_path: Path) -> None:
+    """In time a hinge and a slide end at the ends of their ranges; Box2D's slop is 2 degrees."""
+    if name != "here" and (why := why_not_there(name)):
+        pytest.skip(why)
+    engine = HERE if name == "here" else engine_of(name)
+    file = tmp_path / "falling.xml"
+    file.write_text(FALLING)
+    run = Run("dynamics", np.linspace(0.0, 3.0, 31), channels=("angle", "way"))
+    found = engine.simulate(file, run).channels
+    assert found["way"][2] == pytest.approx(-0.5 * 9.81 * run.x[2] ** 2, rel=0.02)
+    assert found["angle"][-1] == pytest.approx(-1.0, abs=slop)
+    assert found["way"][-1] == pytest.approx(-0.5, abs=slop)
+
+
 REST = WayToRest(1.0, 1e-6, 1e-2, 1, 500)
 
 
