@@ -114,12 +114,14 @@ class RestReader(NeutralReader):
     @cached_property
     def free_motions(self) -> Array:
         """Motions (nv, dof) of the joints that loops and drives leave."""
+        import scipy.linalg  # slow to load
+
         terms = self.terms.terms(self.qpos, self.qvel, self.controls[:, 0])
         drives = np.eye(self.model.nv)[self.model.jnt_dofadr[list(self.driven)]]
         rows = np.vstack([terms.jacobian, drives])
-        values, right = np.linalg.svd(rows)[1:] if rows.size else (np.zeros(0), np.eye(len(rows.T)))
-        rank = int((values > REDUNDANT_SHARE * values.max(initial=0.0)).sum())
-        return np.asarray(right[rank:].T)
+        if not rows.size:
+            return np.eye(self.model.nv)
+        return np.asarray(scipy.linalg.null_space(rows, rcond=REDUNDANT_SHARE))
 
     @cached_property
     def terms(self) -> SmoothTerms:
@@ -133,6 +135,12 @@ class RestReader(NeutralReader):
         found = self.terms.terms(pose, self.qvel, self.controls[:, 0])
         return found.force - found.bias
 
+    @cached_property
+    def start_force(self) -> Array:
+        """Forces on the joints (nv,) at the start."""
+        return self.force_at(np.zeros(self.model.nv))
+
+    @cached_property
     def unit_mass_matrix(self) -> Array:
         """Mass matrix (nv, nv) of links with an inertia of 1 kg m^2."""
         model, data = copy.copy(self.model), copy.copy(self.data)
@@ -161,7 +169,7 @@ class RestReader(NeutralReader):
             (self.force_at(-move) - self.force_at(move)) / (2.0 * SMALL_MOVE)
             for move in SMALL_MOVE * free.T
         ]
-        stiffness, mass = free.T @ np.array(columns).T, free.T @ self.unit_mass_matrix() @ free
+        stiffness, mass = free.T @ np.array(columns).T, free.T @ self.unit_mass_matrix @ free
         squares = np.abs(scipy.linalg.eigvalsh(0.5 * (stiffness + stiffness.T), mass))
         if not (fastest := float(squares.max())) > 0.0:
             raise Unsupported("a rest of joints that no spring, weight or load holds")
@@ -169,9 +177,9 @@ class RestReader(NeutralReader):
 
     def joint_on_stop(self) -> str:
         """The name of a joint that is pressed on the end of its range at the start, or empty."""
-        free, force = self.free_motions, self.force_at(np.zeros(self.model.nv))
-        inertia = free.T @ self.unit_mass_matrix() @ free
-        accelerations = free @ np.linalg.solve(inertia, free.T @ force)
+        free = self.free_motions
+        inertia = free.T @ self.unit_mass_matrix @ free
+        accelerations = free @ np.linalg.solve(inertia, free.T @ self.start_force)
         for j, one in enumerate(self.joints()):
             if one.limits:
                 change = float(accelerations[self.model.jnt_dofadr[j]])
@@ -183,9 +191,8 @@ class RestReader(NeutralReader):
 
     def push_on_stops(self) -> float:
         """Largest force or moment on a joint with stops in the start pose [N m or N]."""
-        force = np.abs(self.force_at(np.zeros(self.model.nv)))
         ranged = [j for j, one in enumerate(self.joints()) if one.limits]
-        return float(force[self.model.jnt_dofadr[ranged]].max(initial=0.0))
+        return float(np.abs(self.start_force)[self.model.jnt_dofadr[ranged]].max(initial=0.0))
 
     def mechanism(self, rates_at: float = 0.0, forces: bool = True) -> NeutralMechanism:
         """The mechanism of the run; `rates_at` has no meaning, since nothing moves at first."""

@@ -349,10 +349,8 @@ class StateCurves:
 
         See `ForceBalance`.
         """
-        reader, stops = (
-            self.reader,
-            [j for j, one in enumerate(self.mechanism.joints) if one.limits],
-        )
+        reader = self.reader
+        stops = [j for j, one in enumerate(self.mechanism.joints) if one.limits]
         try:
             balance = ForceBalance(reader.model, reader.run.start, reader.driven, stops)
             motion = self.coordinates()

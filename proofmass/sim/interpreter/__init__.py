@@ -9,13 +9,15 @@ It needs Python 3.9 and NumPy, and imports nothing of proofmass.  A script of an
     def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates: ...
 """
 
-from .checks import Refused, Stopwatch
+from .checks import Refused, Stopwatch, refuse_gears, refuse_rows
 from .geometry import frame_of_axis, in_space, matrix_of, turn_about
 from .impulses import (
     armatures_with_rotors,
     drive_rates,
+    inertia_with_armature,
     joint_forces,
     joint_motion,
+    joint_reader,
     link_forces,
     pivot_of,
     slide_motion,
@@ -64,15 +66,19 @@ __all__ = [
     "frame_of_axis",
     "in_space",
     "in_time",
+    "inertia_with_armature",
     "joined_points",
     "joint_forces",
     "joint_motion",
+    "joint_reader",
     "link_forces",
     "load_beside",
     "matrix_of",
     "one_joint_each",
     "pivot_of",
     "record",
+    "refuse_gears",
+    "refuse_rows",
     "rows_at_samples",
     "runge_kutta",
     "slide_motion",

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .geometry import LinkMotion
+from .mechanism import NeutralMechanism
 
 LOST_SIZES = 1e3
 """Distance from the start, in sizes of the mechanism, beyond which a run is lost."""
@@ -26,6 +27,19 @@ class Stopwatch:
 
     def __exit__(self, *_: Any) -> None:
         self.seconds = time.process_time() - self.began
+
+
+def refuse_gears(mechanism: NeutralMechanism, engine: str) -> None:
+    """Raise `Refused` at a gear, for an engine without couplings of joints."""
+    for gear in mechanism.gears:
+        raise Refused(f"{engine} has no coupling of joints, such as gear {gear.name!r}")
+
+
+def refuse_rows(mechanism: NeutralMechanism) -> None:
+    """Raise `Refused` at a link that has not one joint but several."""
+    for k in range(1, len(mechanism.links)):
+        if len(mechanism.joints_of(k)) != 1:
+            raise Refused(f"link {mechanism.links[k].name!r} with several joints")
 
 
 def check_motions(motions: list[LinkMotion]) -> None:

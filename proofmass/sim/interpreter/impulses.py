@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .checks import Refused
 from .geometry import LinkMotion
 from .joint_rates import follow_joints
 from .mechanism import LinkStates, NeutralJoint, NeutralMechanism, PlainArray
@@ -107,6 +108,22 @@ def drive_rates(
         yield drive.joint, float(way / mechanism.step)
 
 
+def inertia_with_armature(mechanism: NeutralMechanism, link: int) -> PlainArray:
+    """Inertia (3, 3) of a link with the armatures of its hinges on the ground [kg m^2].
+
+    Raises
+    ------
+    Refused
+        Another joint of the link has an armature.
+    """
+    inertia = mechanism.links[link].inertia
+    for joint in (mechanism.joints[j] for j in mechanism.joints_of(link)):
+        if joint.armature and (joint.parent or joint.kind != "hinge"):
+            raise Refused(f"armature of joint {joint.name!r}, no hinge on the ground")
+        inertia = inertia + joint.armature * np.outer(joint.axis, joint.axis)
+    return inertia
+
+
 def armatures_with_rotors(mechanism: NeutralMechanism, share: float) -> list:
     """Armatures of all joints; those of drives are rotors that no other link moves [kg m^2 or kg].
 
@@ -149,6 +166,20 @@ def joint_motion(
     angle = float(np.arctan2(one.axis @ skew, np.trace(turn) - 1.0))
     rate = float((moving[3] - base[3]) @ base[1] @ one.axis)
     return angle + 2.0 * np.pi * round((near - angle) / (2.0 * np.pi)), rate
+
+
+def joint_reader(
+    mechanism: NeutralMechanism, read: Callable[[int], LinkMotion]
+) -> Callable[[int], tuple]:
+    """The function `joint_motion` of each joint, whose hinges go on from where they were read."""
+    values = dict.fromkeys(range(len(mechanism.joints)), 0.0)
+
+    def joint(j: int) -> tuple[float, float]:
+        motion = joint_motion(mechanism, j, read, values[j])
+        values[j] = motion[0]
+        return motion
+
+    return joint
 
 
 def slide_motion(

@@ -132,6 +132,11 @@ class NeutralJoint:
         return bool(np.any(self.acting))
 
     @property
+    def ends(self) -> PlainArray:
+        """Ends (2,) of its range `limits` since the start [rad or m]."""
+        return np.array(self.limits) - self.value
+
+    @property
     def is_forced(self) -> bool:
         """Whether a force or moment acts in the joint."""
         return bool(np.any(self.force))

@@ -16,8 +16,6 @@ SLOWER = 0.5
 PATIENCE = 40
 """Checks after which a mechanism that has not become slower is as slow as it becomes.  Its speed
 halves within a few checks as long as it is more than rounding, or what constraints leave open."""
-
-
 CALM_CHECKS = 8
 """Successive checks, about a period of the slowest oscillation, whose largest speed counts: an
 oscillation is slow where it turns."""

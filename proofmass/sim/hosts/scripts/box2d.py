@@ -61,11 +61,7 @@ class Box2dWorld:
     def add_link(self, k, may_sleep):
         """Add the body of a link."""
         link, normal = self.mechanism.links[k], self.mechanism.plane[2]
-        moment = float(normal @ link.inertia @ normal)
-        for joint in (self.mechanism.joints[j] for j in self.mechanism.joints_of(k)):
-            if joint.armature and (joint.parent or joint.kind != "hinge"):
-                raise host.Refused(f"armature of joint {joint.name!r}, no hinge on the ground")
-            moment += joint.armature
+        moment = float(normal @ host.inertia_with_armature(self.mechanism, k) @ normal)
         refuse_lost_inertia(self.mechanism, k, moment)
         body = self.world.CreateDynamicBody(
             position=self.flat(link.centre),
@@ -95,7 +91,7 @@ class Box2dWorld:
             made.maxMotorForce = MOTOR_LIMIT
         made.motorEnabled = driven
         if joint.limits:
-            made.limits = sorted((self.sense(j) * (np.array(joint.limits) - joint.value)).tolist())
+            made.limits = sorted((self.sense(j) * joint.ends).tolist())
             made.limitEnabled = True
         return made
 
@@ -145,8 +141,6 @@ def refuse_lost_inertia(mechanism, k, moment):
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the world through the run."""
-    for k in range(1, len(mechanism.links)):
-        if len(mechanism.joints_of(k)) != 1:
-            raise host.Refused(f"link {mechanism.links[k].name!r} with several joints")
+    host.refuse_rows(mechanism)
     world = Box2dWorld(mechanism, settings)
     return host.record(mechanism, world.step, world.read, world.joint)

@@ -41,15 +41,9 @@ def tree_text(mechanism, root):
         last = j == own[-1]  # the others of a row have links without mass
         parent, origin = ends[one.parent if j == own[0] else k]
         child = f"link{k}" if last else f"row{j}"
-        ends_of_range = np.array(one.limits) - one.value if one.limits else NO_ENDS
         kind = "revolute" if one.limits and one.kind == "hinge" else KINDS[one.kind]
-        what = {
-            "kind": kind,
-            "ends": ends_of_range,
-            "parent": parent,
-            "child": child,
-            "axis": one.axis,
-        }
+        what = {"kind": kind, "ends": one.ends if one.limits else NO_ENDS, "axis": one.axis}
+        what |= {"parent": parent, "child": child}
         lines.append(JOINT.format(j=j, at=one.anchor - origin, **what))
         what = {"name": child, "at": link.centre - one.anchor, "mass": last * link.mass}
         lines.append(LINK.format(*last * link.inertia, **what))
@@ -136,7 +130,7 @@ class BulletTrees:
             bullet.setJointMotorControl2(*self.joints[j], bullet.TORQUE_CONTROL, force=force)
         for j, joint in enumerate(self.mechanism.joints):
             if joint.limits:
-                self.hold_stops(self.joints[j], np.array(joint.limits) - joint.value)
+                self.hold_stops(self.joints[j], joint.ends)
         for k, place, force, moment in host.link_forces(self.mechanism, i, self.read):
             bullet.applyExternalForce(*self.places[k], force, place, bullet.WORLD_FRAME)
             bullet.applyExternalTorque(*self.places[k], moment, bullet.WORLD_FRAME)
@@ -145,9 +139,8 @@ class BulletTrees:
     def hold_stops(self, where, ends):
         """Move a stop that a joint rests on inwards: Bullet's acts on a joint beyond it only."""
         value = bullet.getJointState(*where)[0]
-        low, high = ends + (np.abs(value - ends) < NEAR_STOP) * (
-            value - ends + (STOP_WAY, -STOP_WAY)
-        )
+        inwards = value - ends + (STOP_WAY, -STOP_WAY)
+        low, high = ends + (np.abs(value - ends) < NEAR_STOP) * inwards
         bullet.changeDynamics(*where, jointLowerLimit=low, jointUpperLimit=high)
 
     def read(self, k):

@@ -85,8 +85,8 @@ class DartTree:
         if self.mechanism.drive_of(j):
             made.setActuatorType(VELOCITY)
         if joint.limits:
-            made.setPositionLowerLimit(0, joint.limits[0] - joint.value)
-            made.setPositionUpperLimit(0, joint.limits[1] - joint.value)
+            made.setPositionLowerLimit(0, joint.ends[0])
+            made.setPositionUpperLimit(0, joint.ends[1])
             made.setLimitEnforcement(True)
         self.joints[j] = made
         return node
@@ -116,7 +116,6 @@ class DartTree:
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the skeleton through the run."""
-    for gear in mechanism.gears:
-        raise host.Refused(f"dartpy has no coupling of joints, such as gear {gear.name!r}")
+    host.refuse_gears(mechanism, "dartpy")
     tree = DartTree(mechanism, settings["defaults"])
     return host.record(mechanism, tree.step, tree.read, tree.joint)

@@ -77,7 +77,7 @@ class DrakeRun:
         axis = [one.axis] if one.kind in SINGLE else []
         joint = self.plant.AddJoint(kind(f"joint {j}", *map(self.plant.AddFrame, frames), *axis))
         if one.limits:
-            joint.set_position_limits(*([end - one.value] for end in one.limits))
+            joint.set_position_limits(*one.ends[:, None])
         joint.set_default_damping_vector(np.full(joint.num_velocities(), one.damping))
         if one.acting[0]:
             spring = SPRINGS[one.kind](joint, one.rest - one.value, one.acting[0])

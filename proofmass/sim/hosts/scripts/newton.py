@@ -58,17 +58,12 @@ class NewtonBodies:
         self.now, self.later, self.control = model.state(), model.state(), model.control()
         rates = np.column_stack([velocities, [one.omega for one in links]])[1:]
         self.now.body_qd.assign(rates.astype(np.float32))
-        self.values = [0.0] * len(made)
+        self.joint = host.joint_reader(mechanism, self.read)
         self.pull()
 
     def inertia(self, k):
         """The inertia of a link; in a plane that about the normal, about all axes."""
-        inertia = self.mechanism.links[k].inertia
-        for j in self.mechanism.joints_of(k):
-            one = self.mechanism.joints[j]
-            if one.armature and (one.parent or one.kind != "hinge"):
-                raise host.Refused(f"armature of joint {one.name!r}, no hinge on the ground")
-            inertia = inertia + one.armature * np.outer(one.axis, one.axis)
+        inertia = host.inertia_with_armature(self.mechanism, k)
         normal = self.mechanism.plane[2] if self.mechanism.is_planar else None
         return inertia if normal is None else normal @ inertia @ normal * np.eye(3)
 
@@ -115,10 +110,8 @@ class NewtonBodies:
     def step(self, i):
         """Step number i, with the rates of drives and the forces on links."""
         mechanism, targets = self.mechanism, self.control.joint_target_qd.numpy()
-        for drive in mechanism.drives:
-            start = mechanism.joints[drive.joint].value
-            way = drive.value[2 * (i + 1)] - start - self.joint(drive.joint)[0]
-            targets[self.drives[drive.joint]] = way / mechanism.step
+        for j, rate in host.drive_rates(mechanism, i, self.joint):
+            targets[self.drives[j]] = rate
         self.control.joint_target_qd.assign(targets)
         push = np.zeros((len(mechanism.links), 6), np.float32)
         for k, place, force, moment in host.link_forces(mechanism, i, self.read, self.joint):
@@ -138,20 +131,11 @@ class NewtonBodies:
         pose, rates = self.poses[k - 1], self.rates[k - 1]
         return pose[:3], host.matrix_of(np.roll(pose[3:], 1)), rates[:3], rates[3:]
 
-    def joint(self, j):
-        """Coordinate and rate of a hinge or slide."""
-        motion = host.joint_motion(self.mechanism, j, self.read, self.values[j])
-        self.values[j] = motion[0]
-        return motion
-
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the bodies through the run."""
-    for gear in mechanism.gears:
-        raise host.Refused(f"Kamino has no coupling of joints, such as gear {gear.name!r}")
-    for k in range(1, len(mechanism.links)):
-        if len(mechanism.joints_of(k)) != 1:
-            raise host.Refused(f"link {mechanism.links[k].name!r} with several joints")
+    host.refuse_gears(mechanism, "Kamino")
+    host.refuse_rows(mechanism)
     with host.Stopwatch() as compiling:
         bodies = NewtonBodies(mechanism, settings)
         bodies.solver.step(bodies.now, bodies.later, bodies.control, None, mechanism.step)

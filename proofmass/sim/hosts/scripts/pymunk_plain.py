@@ -57,11 +57,7 @@ class PlainSpace:
     def add_link(self, k, place, turn, velocity):
         """Add the body of a link, a step before its start."""
         link, normal, h = self.mechanism.links[k], self.mechanism.plane[2], self.mechanism.step
-        moment = float(normal @ link.inertia @ normal)
-        for joint in (self.mechanism.joints[j] for j in self.mechanism.joints_of(k)):
-            if joint.armature and (joint.parent or joint.kind != "hinge"):
-                raise host.Refused(f"armature of joint {joint.name!r}, no hinge on the ground")
-            moment += joint.armature
+        moment = float(normal @ host.inertia_with_armature(self.mechanism, k) @ normal)
         body = pymunk.Body(link.mass, moment)
         body.position = self.flat(place - h * velocity)
         body.angle = float((turn - h * link.omega) @ normal)
@@ -98,14 +94,14 @@ class PlainSpace:
         else:
             made = [pymunk.GearJoint(*self.pair(j), 0.0, 1.0), self.groove(j)]
         if joint.limits:
-            self.stops[j] = self.stop(j, np.array(joint.limits) - joint.value)
+            self.stops[j] = self.stop(j)
             made.append(self.stops[j])
         return made
 
-    def stop(self, j, ends):
+    def stop(self, j):
         """The stops of a joint at the ends of its range, a margin before them."""
         joint, size = self.mechanism.joints[j], GROOVE_SIZES * self.mechanism.size
-        low, high = ends + STOP_LEAD * np.array([1.0, -1.0])
+        low, high = joint.ends + STOP_LEAD * np.array([1.0, -1.0])
         if joint.kind == "hinge":
             ends = sorted((self.mechanism.turn_of(j) * low, self.mechanism.turn_of(j) * high))
             return pymunk.RotaryLimitJoint(*self.pair(j), *ends)
@@ -144,8 +140,7 @@ class PlainSpace:
                 way = self.flat(value * joint.axis)
                 made.groove_a, made.groove_b = (end + way for end in made.start)
         for j, made in self.stops.items():
-            joint, value = self.mechanism.joints[j], self.joint(j)[0]
-            low, high = np.array(joint.limits) - joint.value
+            value, (low, high) = self.joint(j)[0], self.mechanism.joints[j].ends
             beyond = max(low - value, value - high)
             made.max_bias = max(beyond, NO_CORRECTION) / self.mechanism.step
         normal = self.mechanism.plane[2]
@@ -174,8 +169,6 @@ class PlainSpace:
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the space through the run."""
-    for k in range(1, len(mechanism.links)):
-        if len(mechanism.joints_of(k)) != 1:
-            raise host.Refused(f"link {mechanism.links[k].name!r} with several joints")
+    host.refuse_rows(mechanism)
     space = PlainSpace(mechanism, settings)
     return host.record(mechanism, space.step, space.read)

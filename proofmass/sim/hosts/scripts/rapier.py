@@ -44,7 +44,7 @@ class RapierWorld:
             if k:
                 self.add_link(k, moments[k], *start)
         self.joints = [self.add_joint(j, moments) for j in range(len(mechanism.joints))]
-        self.values = [0.0] * len(self.joints)
+        self.joint = host.joint_reader(mechanism, self.read)
         for loop in mechanism.loops:
             ends = (loop.a, loop.on_a), (loop.b, loop.on_b)
             self.insert(rapier.SphericalJointBuilder(), *ends)
@@ -54,12 +54,7 @@ class RapierWorld:
 
         In a plane all are that about the normal, since no other one has a meaning.
         """
-        inertia = self.mechanism.links[k].inertia
-        for j in self.mechanism.joints_of(k):
-            one = self.mechanism.joints[j]
-            if one.armature and (one.parent or one.kind != "hinge"):
-                raise host.Refused(f"armature of joint {one.name!r}, no hinge on the ground")
-            inertia = inertia + one.armature * np.outer(one.axis, one.axis)
+        inertia = host.inertia_with_armature(self.mechanism, k)
         if self.mechanism.is_planar:
             normal = self.mechanism.plane[2]
             return np.full(3, normal @ inertia @ normal), np.eye(3)
@@ -114,11 +109,9 @@ class RapierWorld:
     def step(self, i):
         """Step number i, with the rates of drives and the forces on links."""
         mechanism = self.mechanism
-        for drive in mechanism.drives:
-            j, one = drive.joint, mechanism.joints[drive.joint]
-            way = drive.value[2 * (i + 1)] - one.value - self.joint(j)[0]
+        for j, rate in host.drive_rates(mechanism, i, self.joint):
             data = self.world.impulse_joints[self.joints[j]].data
-            data.set_motor_velocity(AXES[one.kind], float(way / mechanism.step), MOTOR_FACTOR)
+            data.set_motor_velocity(AXES[mechanism.joints[j].kind], rate, MOTOR_FACTOR)
         bodies = [self.world.rigid_bodies[one] for one in self.bodies]
         for body in bodies[1:]:
             body.reset_forces()
@@ -138,19 +131,10 @@ class RapierWorld:
         )
         return place, turn, *rates
 
-    def joint(self, j):
-        """Coordinate and rate of a hinge or slide."""
-        motion = host.joint_motion(self.mechanism, j, self.read, self.values[j])
-        self.values[j] = motion[0]
-        return motion
-
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the world through the run."""
-    for gear in mechanism.gears:
-        raise host.Refused(f"Rapier has no coupling of joints, such as gear {gear.name!r}")
-    for k in range(1, len(mechanism.links)):
-        if len(mechanism.joints_of(k)) != 1:
-            raise host.Refused(f"link {mechanism.links[k].name!r} with several joints")
+    host.refuse_gears(mechanism, "Rapier")
+    host.refuse_rows(mechanism)
     world = RapierWorld(mechanism, settings)
     return host.record(mechanism, world.step, world.read)

@@ -42,7 +42,8 @@ def motion_of(drive, half, start):
 class OpenSimModel:
     """A mechanism as a model of OpenSim, whose bodies have their origins at the centres of mass."""
 
-    def __init__(self, mechanism):
+    def __init__(self, mechanism, settings):
+        self.accuracy = 0.0 if settings["defaults"] else settings["accuracy"]
         self.mechanism, self.model, joints = mechanism, opensim.Model(), mechanism.joints
         self.model.setGravity(opensim.Vec3.createFromMat(mechanism.gravity))
         self.model.set_assembly_accuracy(1e-14)
@@ -158,56 +159,53 @@ class OpenSimModel:
                 self.coordinates[j].setValue(state, goal - joints[j].value, False)
                 self.coordinates[j].setLocked(state, True)
             self.model.assemble(state)
-            manager = opensim.Manager(self.model)
-            manager.setIntegratorAccuracy(self.accuracy)
-            manager.initialize(state)  # a copy: the state is that of the manager before
-            self.manager, self.goals = manager, goals
+            self.manager, self.goals = self.manager_from(state), goals
         self.state = self.manager.integrate(self.manager.getState().getTime() + self.mechanism.step)
 
-    def motion(self, k):
-        """Place, rotation, velocity and angular velocity of a link."""
+    def motion(self, k, rates=RATES[:2]):
+        """Place, rotation, velocity and angular velocity of a link, and accelerations if asked."""
         self.model.realizeVelocity(self.state)
         frame = self.bodies[k].getTransformInGround(self.state)
         turn = np.array([[frame.R().get(i, j) for j in range(3)] for i in range(3)])
-        rates = (getattr(self.bodies[k], f"get{of}InGround")(self.state) for of in RATES[:2])
-        return frame.p().to_numpy(), turn, *(one.to_numpy() for one in rates)
+        found = (getattr(self.bodies[k], f"get{of}InGround")(self.state) for of in rates)
+        return frame.p().to_numpy(), turn, *(one.to_numpy() for one in found)
 
     def joint(self, j):
         """Coordinate and rate of a hinge or slide."""
         coordinate = self.coordinates[j]
         return coordinate.getValue(self.state), coordinate.getSpeedValue(self.state)
 
-    def read(self, states, sample, state):
+    def keep(self, states, sample):
         """Keep the states of all links and joints at a sample."""
-        self.model.realizeAcceleration(state)
-        for k, body in enumerate(self.bodies[1:], 1):
-            frame, rows = body.getTransformInGround(state), (states.velocity, states.omega)
-            states.place[sample, k] = frame.p().to_numpy()
-            states.turn[sample, k].flat = [frame.R().get(i, j) for i in range(3) for j in range(3)]
-            for row, of in zip((*rows, states.acceleration, states.alpha), RATES):
-                row[sample, k] = getattr(body, f"get{of}InGround")(state).to_numpy()
-        for j, (one, q) in enumerate(zip(self.mechanism.joints, self.coordinates)):
-            if one.kind in AXES:
-                moves = q.getValue(state), q.getSpeedValue(state), q.getAccelerationValue(state)
-                states.coordinates[:, sample, j] = one.value + moves[0], *moves[1:]
+        self.model.realizeAcceleration(self.state)
+        for k in range(1, len(self.bodies)):
+            states.set(sample, k, self.motion(k, RATES))
+        for j in self.mechanism.singles:
+            value, rate = self.joint(j)
+            change = self.coordinates[j].getAccelerationValue(self.state)
+            states.coordinates[:, sample, j] = self.mechanism.joints[j].value + value, rate, change
+
+    def manager_from(self, state):
+        """A new manager of the integration, which has a copy of a state."""
+        manager = opensim.Manager(self.model)
+        if self.accuracy:
+            manager.setIntegratorAccuracy(self.accuracy)
+        manager.initialize(state)
+        return manager
 
 
 def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     """Integrate from sample to sample."""
-    own, states = OpenSimModel(mechanism), LinkStates.empty(mechanism)
-    states.coordinates = np.full((3, mechanism.samples, len(mechanism.joints)), np.nan)
+    own, states = OpenSimModel(mechanism, settings), LinkStates.empty(mechanism, True)
     if mechanism.rest:
-        own.accuracy = settings["accuracy"]
         return record(mechanism, own.step, own.motion, own.joint)
-    state, manager = own.state, opensim.Manager(own.model)
-    if not settings["defaults"]:
-        manager.setIntegratorAccuracy(settings["accuracy"])
     with Stopwatch() as watch:
-        manager.initialize(state)
+        manager = own.manager_from(own.state)
         for sample in range(mechanism.samples):
             time = sample * mechanism.count * mechanism.step
             try:
-                own.read(states, sample, manager.integrate(time) if sample else state)
+                own.state = manager.integrate(time) if sample else own.state
+                own.keep(states, sample)
             except RuntimeError as error:
                 why = " ".join(str(error).split()).rpartition("Error detected by ")[2]
                 states = states.first(sample, why)
