@@ -11,7 +11,7 @@ engines of this interpreter, and nothing is written.
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from benchmarks import ROOT, command
@@ -124,62 +124,45 @@ def write_tables(**tables: Iterator[str]) -> None:
     PAGE.write_text(text, encoding="utf-8")
 
 
-def rest_lines(results: Sequence[CellResult]) -> Iterator[str]:
-    """The table of sweeps and equilibria: errors of positions and forces, or why there are none."""
-    solvers = list(dict.fromkeys(one.solver for one in results))
-    cases = list(dict.fromkeys((one.case, one.run) for one in results))
-    places = {(one.case, one.solver): one for one in results}
-    filled = sum(one.is_filled for one in results)
-    yield (
-        f"{filled} of {len(results)} runs have errors: {len(cases)} cases without a run in time, "
-        f"{len(solvers)} engines."
-    )
-    yield ""
-    yield f"| case | run | {' | '.join(format_solver(solver) for solver in solvers)} |"
-    yield f"|---|---|{'---|' * len(solvers)}"
-    for case, kind in cases:
-        cells = (rest_words(places.get((case, solver))) for solver in solvers)
-        yield f"| {case} | {kind} | {' | '.join(cells)} |"
-    for solver in solvers:
-        refused = [
-            f"{one.case}: {one.message or one.outcome}"
-            for one in results
-            if one.solver == solver and not one.is_filled
-        ]
-        if refused:
-            yield ""
-            yield f"- {format_solver(solver)} without errors: {'; '.join(refused)}."
-
-
-def rest_words(result: CellResult | None) -> str:
-    """A cell of the table of rests."""
-    if result is None or not result.is_filled:
-        return result_words(result)
-    parts = [worst.share for kind in REST_KINDS if (worst := result.worst(kind))]
-    words = " / ".join(map(format_one_digit, parts))
-    return f"{SILENT_MARK} {words}" if result.is_silently_wrong else words
-
-
 def engine_lines(results: Sequence[CellResult]) -> Iterator[str]:
-    """The table of cases beside engines, and the sentences on each engine."""
+    """The table of cases with a run in time beside engines, and the sentences on each engine."""
+    return case_lines(results, "with a run in time", format_motion_errors)
+
+
+def rest_lines(results: Sequence[CellResult]) -> Iterator[str]:
+    """The same for sweeps and equilibria, with errors of positions and forces."""
+    return case_lines(results, "without a run in time", format_rest_errors)
+
+
+def format_rest_errors(result: CellResult) -> str:
+    """The largest errors of positions and of forces."""
+    found = [worst.share for kind in REST_KINDS if (worst := result.worst(kind))]
+    return " / ".join(map(format_one_digit, found))
+
+
+def case_lines(
+    results: Sequence[CellResult], which: str, format_errors: Callable[[CellResult], str]
+) -> Iterator[str]:
+    """A table of cases, `which` in words, beside engines, and the sentences on each engine."""
     solvers = [
         solver
         for solver in dict.fromkeys(one.solver for one in results)
         if any(one.solver == solver and one.outcome != Outcome.UNAVAILABLE for one in results)
     ]
-    cases = list(dict.fromkeys(one.case for one in results))
+    cases = list(dict.fromkeys((one.case, one.run) for one in results))
     places = {(one.case, one.solver): one for one in results}
     filled = sum(one.is_filled for one in results if one.solver in solvers)
     yield (
-        f"{filled} of {len(cases) * len(solvers)} runs have errors: {len(cases)} cases with a run "
-        f"in time, {len(solvers)} engines."
+        f"{filled} of {len(cases) * len(solvers)} runs have errors: {len(cases)} cases {which}, "
+        f"{len(solvers)} engines."
     )
     yield ""
     yield f"| case | {' | '.join(format_solver(solver) for solver in solvers)} |"
     yield f"|---|{'---|' * len(solvers)}"
-    for case in cases:
-        cells = (result_words(places.get((case, solver))) for solver in solvers)
-        yield f"| {case} | {' | '.join(cells)} |"
+    for case, kind in cases:
+        cells = (result_words(places.get((case, solver)), format_errors) for solver in solvers)
+        label = case if kind == "dynamics" else f"{case}, {kind}"
+        yield f"| {label} | {' | '.join(cells)} |"
     for solver in solvers:
         found = summarize_engine(solver, results)
         yield ""
@@ -217,14 +200,14 @@ def witness_lines(results: Sequence[CellResult]) -> Iterator[str]:
         yield ""
 
 
-def result_words(result: CellResult | None) -> str:
-    """Error of positions / velocities / accelerations, or a mark with its word."""
+def result_words(result: CellResult | None, format_errors: Callable[[CellResult], str]) -> str:
+    """The errors of a result, or a mark with its word."""
     if result is None:
         return ""
     if not result.is_filled:
         mark, words = MARKS.get(result.outcome, ("✕", str(result.outcome)))
         return words if mark == "–" else f"{mark} {words}"
-    words = format_motion_errors(result)
+    words = format_errors(result)
     return f"{SILENT_MARK} {words}" if result.is_silently_wrong else words
 
 

@@ -147,12 +147,9 @@ class ExudynSystem:
         start = exu.ConfigurationType.Initial
         try:
             if self.mechanism.rest:
-                length, last = (
-                    self.mechanism.steps * self.mechanism.step,
-                    self.mechanism.samples - 1,
-                )
+                length = self.mechanism.steps * self.mechanism.step or short
                 self.solve_rests(short, 1, full)
-                self.solve_rests(length or short, STATIC_STEPS * last or 1, full)
+                self.solve_rests(length, static_steps(self.mechanism), full)
                 return True
             if not self.settings["defaults"]:
                 rates = [system.GetODE2Coordinates_t(start)]
@@ -167,13 +164,18 @@ class ExudynSystem:
         return True
 
 
+def static_steps(mechanism):
+    """Number of static solutions from the first sample to the last, at least one."""
+    return STATIC_STEPS * (mechanism.samples - 1) or 1
+
+
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """The states at the samples, as Exudyn's sensors measure them."""
     system, states = ExudynSystem(mechanism, settings), host.LinkStates.empty(mechanism, True)
     with host.Stopwatch() as watch:
-        if not system.run() and not settings["defaults"]:
+        if not system.run() and not settings["defaults"] and system.run(full=True):
             states.notes = ("Solved by full pivoting, as is needed at redundant constraints.",)
-            system.run(full=True)
+    states.steps = static_steps(mechanism) + 1 if mechanism.rest else 0
     states.seconds, read = watch.seconds, system.mbs.GetSensorStoredData
     moves, *links = (host.rows_at_samples(mechanism, map(read, own)) for own in system.sensors)
     for k, (place, turn, *rates) in enumerate(links, 1):

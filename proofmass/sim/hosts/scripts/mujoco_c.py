@@ -96,7 +96,7 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
 
 def come_to_rests(mechanism, model, data):
     """Step to rest at each sample, as a settled sweep of the product's own engine."""
-    mjcf, n, failed = mechanism.mjcf, mechanism.samples, ""
+    mjcf, n, failed, steps = mechanism.mjcf, mechanism.samples, "", 0
     rows = [np.zeros((n, size)) for size in (model.nq, model.nv, model.nv)]
     rows[0][:] = np.nan
     adr = [model.jnt_qposadr[one.joint] for one in mechanism.drives]
@@ -115,13 +115,16 @@ def come_to_rests(mechanism, model, data):
             if k:
                 data.qvel[mjcf.dofs] = (values - data.qpos[adr]) / (moves * model.opt.timestep)
                 mujoco.mj_step(model, data, moves)
+                steps += moves
             try:
-                come_to_rest(REST, step, lambda: np.abs(data.qvel).max())
+                steps += STEPS_AT_ONCE * come_to_rest(REST, step, lambda: np.abs(data.qvel).max())
             except NoRest as error:
                 failed = f"{error} at sample {k}"
                 break
             rows[0][k] = data.qpos
-    return states_of(mechanism, model, rows, watch.seconds, failed)
+    states = states_of(mechanism, model, rows, watch.seconds, failed)
+    states.steps = steps
+    return states
 
 
 def states_of(mechanism, model, rows, seconds, failed="", compiled=0.0):
