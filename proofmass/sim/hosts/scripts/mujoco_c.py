@@ -4,19 +4,11 @@ import os
 
 import mujoco
 import numpy as np
-from proofmass_host import (
-    LinkStates,
-    NeutralMechanism,
-    NoRest,
-    Refused,
-    Stopwatch,
-    WayToRest,
-    come_to_rest,
-)
+import proofmass_host as host
 
 VERSIONS = {"mujoco": mujoco.__version__, "numpy": np.__version__}
-STEPS_AT_ONCE, REST = 50, WayToRest(0.0, 1e-9, 1e-5, 1, 8000)  # of the fastest joint
-MOVES_PER_COUNT = 50  # steps for one of `NeutralMechanism.count`, which is for stiffer constraints
+STEPS_AT_ONCE, REST = 50, host.WayToRest(0.0, 1e-9, 1e-5, 1, 8000)  # of the fastest joint
+MOVES_PER_COUNT = 50  # steps for one of a mechanism's `count`, for stiffer constraints
 FATAL = ("mjWARN_INERTIA", "mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
 
 
@@ -27,23 +19,20 @@ def build(mjcf):
         model = mujoco.MjModel.from_xml_string(mjcf.text)
     except ValueError as error:
         words = " ".join(str(error).split())
-        raise Refused(f"this version cannot read the model: {words}") from None
+        raise host.Refused(f"this version cannot read the model: {words}") from None
     if (model.nq, model.nv, model.neq, model.nbody) != mjcf.sizes:
-        raise Refused("this version reads other joints, bodies or equalities")
+        raise host.Refused("this version reads other joints, bodies or equalities")
     for name, values in mjcf.arrays.items():
         there = getattr(model, name, None)
         if there is not None and np.shape(there) == values.shape:
             there[...] = values
         elif values.any():
-            raise Refused(f"this version has no {name} of this shape")
+            raise host.Refused(f"this version has no {name} of this shape")
     for name, value in mjcf.options.items():
-        if value.ndim:
-            getattr(model.opt, name)[:] = value
-        elif hasattr(model.opt, name):
-            setattr(model.opt, name, value.item())
-    kinds = {"integrator": "mjtIntegrator", "solver": "mjtSolver", "cone": "mjtCone"}
-    for name, kind in kinds.items():
-        setattr(model.opt, name, int(word(kind, mjcf.words[name])))
+        if hasattr(model.opt, name):
+            setattr(model.opt, name, value if value.ndim else value.item())
+    for name in ("integrator", "solver", "cone"):
+        setattr(model.opt, name, int(word(f"mjt{name.title()}", mjcf.words[name])))
     flags = mjcf.words["disabled"].split()
     model.opt.disableflags = sum(int(word("mjtDisableBit", flag)) for flag in flags)
     data = mujoco.MjData(model)
@@ -58,20 +47,19 @@ def word(kind, name):
     """The number of a word of MuJoCo in this version."""
     found = getattr(getattr(mujoco, kind), name, None)
     if found is None:
-        raise Refused(f"this version has no {name}")
+        raise host.Refused(f"this version has no {name}")
     return found
 
 
-def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
+def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step as the product's own engine does, and read the links at the samples."""
     mjcf = mechanism.mjcf
     model, data = build(mjcf)
     if mechanism.rest:
         return come_to_rests(mechanism, model, data)
     count, n, changes = mechanism.count, mechanism.samples, mjcf.changed.size > 0
-    rows = [np.empty((n, size)) for size in (model.nq, model.nv, model.nv)]
-    times = np.empty(n)
-    with Stopwatch() as watch:
+    rows, times = [np.empty((n, size)) for size in (model.nq, model.nv, model.nv)], np.empty(n)
+    with host.Stopwatch() as watch:
         for k in range(n):
             times[k] = data.time
             data.qfrc_applied[mjcf.dofs] = mjcf.instant[k * count]
@@ -90,7 +78,7 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
     failed = f"MuJoCo warning {' and '.join(said)}" if said else ""
     # with such a warning MuJoCo starts again, at time 0
     lost = times < (np.arange(n) * count - 0.5) * model.opt.timestep
-    rows[0][int(np.argmax(lost)) if lost.any() else n :] = np.nan
+    rows[0][np.cumsum(lost) > 0] = np.nan
     return states_of(mechanism, model, rows, watch.seconds, failed)
 
 
@@ -107,7 +95,10 @@ def come_to_rests(mechanism, model, data):
         data.qpos[adr], data.qvel[mjcf.dofs] = values, 0.0
         mujoco.mj_step(model, data, STEPS_AT_ONCE)
 
-    with Stopwatch() as watch:
+    def speed():
+        return np.abs(data.qvel).max()
+
+    with host.Stopwatch() as watch:
         for k in range(n):
             values[:] = [one.value[2 * k * mechanism.count] for one in mechanism.drives]
             if mjcf.changed.size:
@@ -117,8 +108,8 @@ def come_to_rests(mechanism, model, data):
                 mujoco.mj_step(model, data, moves)
                 steps += moves
             try:
-                steps += STEPS_AT_ONCE * come_to_rest(REST, step, lambda: np.abs(data.qvel).max())
-            except NoRest as error:
+                steps += STEPS_AT_ONCE * host.come_to_rest(REST, step, speed)
+            except host.NoRest as error:
                 failed = f"{error} at sample {k}"
                 break
             rows[0][k] = data.qpos
@@ -130,14 +121,13 @@ def come_to_rests(mechanism, model, data):
 def states_of(mechanism, model, rows, seconds, failed="", compiled=0.0):
     """The states of all links at coordinates, rates and accelerations of the samples."""
     finite = np.isfinite(rows[0]).all(axis=1) & np.isfinite(rows[1]).all(axis=1)
-    states, data, rate = LinkStates.empty(mechanism), mujoco.MjData(model), np.zeros(6)
+    states, data = host.LinkStates.empty(mechanism, True), mujoco.MjData(model)
     states.seconds, states.compiled = seconds, compiled
-    xbody = int(mujoco.mjtObj.mjOBJ_XBODY)
     count = len(finite) if finite.all() else int(np.argmin(finite))
     data.qpos[:] = mechanism.mjcf.qpos
     mujoco.mj_kinematics(model, data)
     frames = [data.xmat[one.body].reshape(3, 3).copy() for one in mechanism.links]
-    offsets = [
+    centres = [
         frame.T @ (one.centre - data.xpos[one.body]) for frame, one in zip(frames, mechanism.links)
     ]
     accelerated = np.isfinite(rows[2]).all()
@@ -148,25 +138,23 @@ def states_of(mechanism, model, rows, seconds, failed="", compiled=0.0):
         mujoco.mj_comPos(model, data)
         mujoco.mj_fwdVelocity(model, data)
         mujoco.mj_rnePostConstraint(model, data)
-        for i in range(1, len(frames)):
-            body = mechanism.links[i].body
-            turn = data.xmat[body].reshape(3, 3)
-            arm = turn @ offsets[i]
-            mujoco.mj_objectVelocity(model, data, xbody, body, rate, 0)
-            omega, velocity = rate[:3].copy(), rate[3:].copy()
-            mujoco.mj_objectAcceleration(model, data, xbody, body, rate, 0)
-            alpha, acceleration = rate[:3].copy(), rate[3:] + model.opt.gravity
-            states.place[k, i], states.turn[k, i] = data.xpos[body] + arm, turn @ frames[i].T
-            states.velocity[k, i] = velocity + np.cross(omega, arm)
-            states.omega[k, i], states.alpha[k, i] = omega, alpha
-            states.acceleration[k, i] = (
-                acceleration + np.cross(alpha, arm) + np.cross(omega, np.cross(omega, arm))
-            )
+        for i, link in enumerate(mechanism.links[1:], 1):
+            states.set(k, i, motion_of(model, data, link.body, centres[i], frames[i]))
     if not accelerated:
         states.acceleration[:], states.alpha[:] = np.nan, np.nan
-    single = [one.kind in ("hinge", "slide") for one in mechanism.joints]
-    states.coordinates = np.full((3, mechanism.samples, len(single)), np.nan)
-    for j in np.flatnonzero(single):
+    for j in mechanism.singles:
         places = model.jnt_qposadr[j], model.jnt_dofadr[j], model.jnt_dofadr[j]
         states.coordinates[:, :, j] = [row[:, place] for row, place in zip(rows, places)]
     return states if count == len(finite) and not failed else states.first(count, failed)
+
+
+def motion_of(model, data, body, centre, frame):
+    """The motion of a link with a centre in its body, whose axes at the start are in `frame`."""
+    turn, (velocity, acceleration) = data.xmat[body].reshape(3, 3), np.zeros((2, 6))
+    xbody, arm = int(mujoco.mjtObj.mjOBJ_XBODY), turn @ centre
+    mujoco.mj_objectVelocity(model, data, xbody, body, velocity, 0)
+    mujoco.mj_objectAcceleration(model, data, xbody, body, acceleration, 0)
+    omega, alpha, speed = velocity[:3], acceleration[:3], np.cross(velocity[:3], arm)
+    drawn = model.opt.gravity + np.cross(alpha, arm) + np.cross(omega, speed)
+    place, around = data.xpos[body] + arm, turn @ frame.T
+    return place, around, velocity[3:] + speed, omega, acceleration[3:] + drawn, alpha

@@ -1,8 +1,8 @@
 """Pinocchio: its accelerations with loops by the proximal solver, and RK4 steps of this script.
 
-Rotations are integrated in the tangent space (Munthe-Kaas), of fourth order too.  Drives and gears
-are forces, found from Pinocchio's response to unit forces; driven coordinates are those of tables.
-After a step the others close loops and gears to rounding.  Springs and loads are applied forces.
+Rotations are integrated in the tangent space (Munthe-Kaas).  Drives and gears are forces, found by
+the response to unit forces; driven coordinates are those of tables.  After a step the others close
+loops and gears to rounding.  Springs and loads are applied forces.
 """
 
 from functools import partial
@@ -26,12 +26,11 @@ def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates:
 
 
 class ProximalMotion:
-    """A mechanism in motion: coordinates, 0 at first in hinges and slides, and rates."""
+    """A mechanism in motion; `ids` and `origins` are those of the last joint of each link."""
 
     def __init__(self, mechanism, settings):
         self.mechanism, self.model, joints = mechanism, pin.Model(), mechanism.joints
         self.half, self.model.gravity.linear = 0, mechanism.gravity
-        # Pinocchio's last joint of each link, and its place at the start
         self.ids, self.origins = [0] * len(mechanism.links), [np.zeros(3)] * len(mechanism.links)
         self.v = np.concatenate([mechanism.start_rates(j) for j in range(len(joints))])
         for j, one in enumerate(joints):
@@ -65,8 +64,8 @@ class ProximalMotion:
             loops.append(pin.RigidConstraintModel(POINT, self.model, *a, *b))
             found.append(loops[-1].createData())
         pin.initConstraintDynamics(self.model, self.data, loops, found)
-        names = {"contact_models": loops, "contact_datas": found, "prox_settings": solver}
-        return partial(pin.constraintDynamics, self.model, self.data, **names)
+        own = {"contact_models": loops, "contact_datas": found, "prox_settings": solver}
+        return partial(pin.constraintDynamics, self.model, self.data, **own)
 
     def accelerate(self, q, v, half):
         """The accelerations, with the forces in drives and gears that they need."""
@@ -83,12 +82,12 @@ class ProximalMotion:
     def applied_forces(self, q, v, half):
         """Forces on the coordinates: springs, dampers, motors and loads."""
         force = -self.damping * v
-        for one, k, i in zip(self.mechanism.joints, self.iq, self.iv):
-            if one.kind in SINGLE:
-                motor = one.force[half % one.force.size]
-                force[i] = motor + one.passive_force(one.value + q[k], v[i])
-        if self.mechanism.rest:  # without gravity
-            force -= self.mechanism.rest.drag * pin.rnea(self.model, self.data, q, 0.0 * v, v)
+        for j in self.mechanism.singles:
+            one, i = self.mechanism.joints[j], self.iv[j]
+            force[i] = one.passive_force(one.value + q[self.iq[j]], v[i])
+            force[i] += one.force[half % one.force.size]
+        if rest := self.mechanism.rest:  # without gravity
+            force -= rest.drag * pin.rnea(self.model, self.data, q, 0.0 * v, v)
         pin.computeJointJacobians(self.model, self.data, q)
         for one in self.mechanism.springs:
             gap, lever = self.gap(one)
@@ -140,8 +139,8 @@ class ProximalMotion:
             rows, change = np.vstack(levers), np.zeros(self.model.nv)
             missing = -rows @ self.v if of_rates else -np.concatenate(gaps)
             change[self.idle] = np.linalg.lstsq(rows[:, self.idle], missing, rcond=TINY_LEVER)[0]
-            self.v = self.v + of_rates * change
             self.q = pin.integrate(self.model, self.q, (not of_rates) * change)
+            self.v = self.v + of_rates * change
 
     def read(self, link):
         """Place, rotation, velocities and accelerations of a link."""
@@ -151,12 +150,11 @@ class ProximalMotion:
             pin.computeJointJacobians(self.model, self.data)
         place, lever = self.point(link, self.mechanism.links[link].centre)
         velocity, omega = (lever @ self.v).reshape(2, 3)
-        second = pin.getAcceleration(self.model, self.data, self.ids[link], WORLD)
-        acceleration = second.linear + np.cross(second.angular, place) + np.cross(omega, velocity)
-        turn = self.data.oMi[self.ids[link]].rotation.copy()
-        return place, turn, velocity, omega, acceleration, second.angular.copy()
+        change = pin.getAcceleration(self.model, self.data, self.ids[link], WORLD)
+        acceleration = change.linear + np.cross(change.angular, place) + np.cross(omega, velocity)
+        turn, alpha = self.data.oMi[self.ids[link]].rotation.copy(), change.angular.copy()
+        return place, turn, velocity, omega, acceleration, alpha
 
     def joint(self, j):
         """Coordinate, rate and acceleration of a hinge or slide at the sample that was read."""
-        i = self.iv[j]
-        return self.q[self.iq[j]], self.v[i], self.known[i]
+        return self.q[self.iq[j]], self.v[self.iv[j]], self.known[self.iv[j]]
