@@ -37,6 +37,7 @@ from proofmass.analytic.support import (
     examine,
 )
 from proofmass.base.arrays import Array
+from proofmass.sim.accelerations import accelerations_with_friction, solve_accelerations
 from proofmass.sim.contents import (
     active_connects,
     actuators_on,
@@ -68,7 +69,7 @@ from proofmass.sim.protocol.failures import BadModel, Unsupported
 from proofmass.sim.protocol.run import Rod, Run
 from proofmass.sim.rods import dead_loads
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.sim.start import loop_opening, start_state
+from proofmass.sim.start import StartOfModel, loop_opening, start_state
 
 EQ, OBJ, JOINT = mujoco.mjtEq, mujoco.mjtObj, mujoco.mjtJoint
 JOINT_KINDS = {
@@ -135,9 +136,17 @@ SUPPORT = covers(KINDS, EXCEPTIONS, usual=REFUSED)
 """What becomes of each feature of a model in a neutral mechanism."""
 
 
-def support_without(lacks: tuple[str, ...]) -> Support:
-    """The support of an engine that has all of a neutral mechanism but some features."""
-    exceptions = {**EXCEPTIONS, **dict.fromkeys(lacks, REFUSED)}
+RUBBING = {"frictionloss of a joint": answers(KINDS, ACTS, refused=(RunKind.EQUILIBRIUM,))}
+"""Dry friction of joints in an engine that has it: an equilibrium is then not determined."""
+
+
+def support_without(lacks: tuple[str, ...], friction: bool = False) -> Support:
+    """The support of an engine that has all of a neutral mechanism but some features.
+
+    `friction` is whether it has dry friction of joints.
+    """
+    own = RUBBING if friction else {}
+    exceptions = {**EXCEPTIONS, **own, **dict.fromkeys(lacks, REFUSED)}
     return covers(KINDS, exceptions, usual=REFUSED)
 
 
@@ -238,6 +247,8 @@ class ModelReader:
                 raise Unsupported(f"stiffness of {kind} joint {model.joint(j).name!r}")
             if forces and not one and model.dof_armature[dof : dof + COORDINATES[kind]].any():
                 raise Unsupported(f"armature of {kind} joint {model.joint(j).name!r}")
+            if forces and not one and model.dof_frictionloss[dof : dof + COORDINATES[kind]].any():
+                raise Unsupported(f"frictionloss of {kind} joint {model.joint(j).name!r}")
             rest, servo, damping, force = float(model.qpos_spring[adr]), 0.0, 0.0, np.zeros(1)
             if j not in self.driven and one and forces:
                 servo, damping, force = self.actuation(j, rest)
@@ -427,18 +438,25 @@ class NeutralReader(ModelReader):
             yield DriveRows(j, *motion)
 
     def accelerations(self) -> Array:
-        """Accelerations of all coordinates at the start (nv,), with exact loops and drives."""
-        terms = SmoothTerms(self.model, self.run.start).terms(
-            self.qpos, self.qvel, self.controls[:, 0]
-        )
-        nv, dofs = self.model.nv, self.model.jnt_dofadr[list(self.driven)]
-        drives = np.eye(nv)[dofs]
-        rows = np.vstack([terms.jacobian, drives])
+        """Accelerations of all coordinates at the start (nv,) [SI]; see `accelerations`."""
+        own = SmoothTerms(self.model, self.run.start)
+        terms = own.terms(self.qpos, self.qvel, self.controls[:, 0])
+        drives = np.eye(self.model.nv)[self.model.jnt_dofadr[list(self.driven)]]
         wanted = self.run.motion(self.run.x[:1])[2][:, 0]
+        rows = np.vstack([terms.jacobian, drives])
         needed = np.concatenate([terms.drift, wanted])
-        matrix = np.block([[terms.mass, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
-        right = np.concatenate([terms.force - terms.bias, needed])
-        return np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-13)[0][:nv])
+        parts = terms.mass, terms.force - terms.bias, rows, needed
+        if not self.frictions.any():
+            return solve_accelerations(*parts)
+        sizes = StartOfModel(own, self.qpos).sizes
+        return accelerations_with_friction(*parts, self.qvel / sizes, self.frictions)
+
+    @cached_property
+    def frictions(self) -> Array:
+        """Largest dry friction of all coordinates (nv,) but those of the drives [N m or N]."""
+        found = self.model.dof_frictionloss.copy()
+        found[self.model.jnt_dofadr[list(self.driven)]] = 0.0
+        return found
 
     def shift_rates(self, back: float) -> None:
         """Replace the rates of the start by those of a time `back` before it [s]."""

@@ -43,11 +43,15 @@ FASTEST_PHASE = 0.7
 stiffness grows along a sweep, and loops and loads add to that of the start pose."""
 PERIODS_PER_MOVE = 1.0
 """Periods of the slowest oscillation from sample to sample: the mechanism follows its drives."""
+PERIODS_WITH_FRICTION = 10.0
+"""The same with dry friction.  A pose then depends on the way to it: what inertia and drag of a
+move add to the loads of joints that should stick lets them slip too early."""
 MIN_STEPS_PER_MOVE = 8
 """Steps from sample to sample if nothing oscillates."""
 MAX_FALL = 0.02
-"""Way of a joint in a step in which the stop that it is pressed on does not act [rad or m]: many
-engines have stops that act only on a joint beyond them."""
+"""Way of a joint in a step in which the stop that it is pressed on does not act, or in which its
+friction would move it alone [rad or m]: many engines have stops that act only on a joint beyond
+them."""
 ON_STOP = 1e-9
 """Distance from the end of its range at which a joint lies on its stop [rad or m], and acceleration
 that is rounding, as a share of the largest."""
@@ -64,6 +68,9 @@ MAX_PERIODS = 200
 decays by 500 in each."""
 HALF_STEPS_PER_STEP = 2
 """Half steps of the step in which the drives stand still at a sample."""
+MAX_START_PUSH = 1e-6
+"""Force at the start of a sweep with dry friction, as a share of the largest friction, below which
+the start is a rest without friction: the poses of the sweep are off by such a share."""
 SMALL_MOVE = 1e-6
 """Motion of a joint for differences of forces [rad], or in sizes of the mechanism [m]."""
 REDUNDANT_SHARE = 1e-10
@@ -82,10 +89,14 @@ class RestReader(NeutralReader):
             self.samples = 1
         step, (fastest, slowest) = self.asked_step, self.oscillations()
         stiff = fastest * (step / FASTEST_PHASE) ** 2
-        self.inertia = max(stiff, self.push_on_stops() * step**2 / MAX_FALL)
+        push = max(self.push_on_stops(), float(self.frictions.max(initial=0.0)))
+        self.inertia = max(stiff, push * step**2 / MAX_FALL)
+        if not self.free_motions.size:  # nothing oscillates, whatever the inertia
+            slowest = self.inertia * (FASTEST_PHASE / step) ** 2
         self.slow = float(np.sqrt(slowest / self.inertia))
         self.period = 2.0 * np.pi / (self.slow * step)  # in steps
-        moves = int(np.ceil(PERIODS_PER_MOVE * self.period)) if self.free_motions.size else 0
+        periods = PERIODS_WITH_FRICTION if self.frictions.any() else PERIODS_PER_MOVE
+        moves = int(np.ceil(periods * self.period)) if self.free_motions.size else 0
         return max(moves, MIN_STEPS_PER_MOVE) + 1, step
 
     def start(self) -> tuple[Array, Array]:
@@ -189,6 +200,18 @@ class RestReader(NeutralReader):
                     return one.name
         return ""
 
+    def refuse_start_off_rest(self) -> None:
+        """Raise `Unsupported` if a sweep with dry friction does not begin at rest without it."""
+        if not self.frictions.any():
+            return
+        push = np.abs(self.free_motions.T @ self.start_force).max(initial=0.0)
+        if push > MAX_START_PUSH * self.frictions.max():
+            names = [one.name for one in self.joints() if one.friction]
+            raise Unsupported(
+                f"frictionloss of {', '.join(map(repr, names))} in a sweep that does not begin at "
+                "rest without friction"
+            )
+
     def push_on_stops(self) -> float:
         """Largest force or moment on a joint with stops in the start pose [N m or N]."""
         ranged = [j for j, one in enumerate(self.joints()) if one.limits]
@@ -243,7 +266,7 @@ def read_rest(
     Raises
     ------
     BadModel, Unsupported
-        See `read_model`; or the sweep has inertia.
+        See `read_model`; or the sweep has inertia, or dry friction and no rest at its start.
     """
     if run.inertia:
         raise Unsupported("a sweep with inertia: the engine comes to rest at every sample")
@@ -251,4 +274,6 @@ def read_rest(
     if run.kind == "sweep" and not run.drives:
         raise BadModel("a sweep needs a [drive]: the joint that is moved")
     model = read_model(path, run, kind, support)
-    return RestReader(model, run, timestep or float(model.opt.timestep))
+    reader = RestReader(model, run, timestep or float(model.opt.timestep))
+    reader.refuse_start_off_rest()
+    return reader

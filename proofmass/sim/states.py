@@ -359,9 +359,16 @@ class StateCurves:
         if not len(motion[0]):
             return np.zeros((0, len(reader.driven))), np.zeros((0, reader.model.nsensordata))
         controls = reader.controls[:, :: 2 * self.mechanism.count]
+        friction = balance.find_friction(
+            motion[0], reader.run.motion(reader.run.x[: len(motion[0])])[1]
+        )
         moments, sensors = list[Array](), list[Array]()
-        for k, (q, v, a) in enumerate(zip(*motion, strict=True)):
-            drives, loops = balance.forces(q, v, a, controls[:, min(k, controls.shape[1] - 1)])
+        for k, (q, v, a, rub) in enumerate(zip(*motion, friction, strict=True)):
+            now = controls[:, min(k, controls.shape[1] - 1)]
+            try:
+                drives, loops = balance.forces(q, v, a, now, rub)
+            except Unsupported as error:
+                return str(error)
             moments.append(drives)
             sensors.append(balance.sensors(a, loops))
         return np.array(moments), np.array(sensors)

@@ -94,6 +94,8 @@ class HostedEngine(Engine):
         Whether it moves bodies only in a plane.
     stops : bool
         Whether it has stops at the ends of the ranges of joints.
+    friction : bool
+        Whether it has dry friction of hinges and slides, in time and at rest.
     rests : bool
         Whether its script comes to rest where `NeutralMechanism.rest` asks for it, as all scripts
         do whose steps `record` makes and whose links have the forces of `link_forces`.
@@ -124,6 +126,7 @@ class HostedEngine(Engine):
         lacks: Sequence[str] = (),
         planar: bool = False,
         stops: bool = False,
+        friction: bool = False,
         rests: bool = False,
         python: str = "",
         oldest: str = "",
@@ -137,7 +140,7 @@ class HostedEngine(Engine):
         self.title, self.about, self.python, self.oldest = title, about, python, oldest
         self.settings, self.planar, self.lacks = settings, planar, tuple(lacks)
         self.stops, self.rests = stops, rests
-        self.support = support_without(tuple(lacks))  # type: ignore[misc]
+        self.support = support_without(tuple(lacks), friction)  # type: ignore[misc]
 
     @property
     def version(self) -> str:

@@ -109,6 +109,7 @@ PYMUNK = SteppedEngine(
     planar=True,
     oldest="6.4.0",
     stops=True,
+    friction=True,
     rests=True,
 )
 PINOCCHIO = SteppedEngine(
@@ -173,6 +174,7 @@ BULLET = SteppedEngine(
     ),
     settings=IteratedSettings,
     stops=True,
+    friction=True,
     rests=True,
 )
 DART = SteppedEngine(
@@ -186,6 +188,7 @@ DART = SteppedEngine(
     ),
     settings=SteppedSettings,
     stops=True,
+    friction=True,
     rests=True,
 )
 BOX2D = SteppedEngine(
@@ -201,6 +204,7 @@ BOX2D = SteppedEngine(
     lacks=NO_ROTATION_IN_SPACE,
     planar=True,
     stops=True,
+    friction=True,
     rests=True,
 )
 RAPIER = SteppedEngine(
@@ -214,6 +218,7 @@ RAPIER = SteppedEngine(
         "the package rapier on PyPI is another program; the bindings are rapier3d",
     ),
     settings=RapierSettings,
+    friction=True,
     rests=True,
 )
 NEWTON = HostedEngine(

@@ -441,6 +441,10 @@ class NeutralMechanism:
         """The drive of a joint, or None."""
         return next((one for one in self.drives if one.joint == joint), None)
 
+    def friction_of(self, joint: int) -> float:
+        """Largest dry friction of a joint, 0 of a driven one, whose motion is given [N m or N]."""
+        return 0.0 if self.drive_of(joint) else float(self.joints[joint].friction)
+
     def flat(self, vector: PlainArray) -> PlainArray:
         """Components of vectors (..., 3) in the plane (..., 2)."""
         return vector @ self.plane[:2].T

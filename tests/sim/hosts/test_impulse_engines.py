@@ -238,6 +238,30 @@ def test_rapier_refuses_by_name(engine, case, said):
         case_errors(engine, case, 3)
 
 
+@of(*ENGINES)
+def test_dry_friction_brings_a_pendulum_to_rest(engine):
+    # a turn is up to a step of 0.25 ms late; Box2D's free motions are of first order besides
+    worst = max(case_errors(engine, "pendulum_friction", 151).values())
+    assert worst < (1e-2 if engine == "box2d" else 1e-3)
+
+
+@of(*ENGINES)
+def test_joints_of_a_loop_stick_together(engine):
+    # crank, pin and slider turn back together, each up to a step of 0.25 ms late
+    worst = max(case_errors(engine, "slider_crank_released", 101).values())
+    assert worst < (1e-2 if engine == "box2d" else 1e-3)
+
+
+@of(*DOUBLE)
+def test_a_joint_sticks_and_slips_in_a_sweep(engine):
+    case = shipped_case(shipped("shaft_pendulum.toml"))
+    run = prescribed_run(case, "sweep")
+    curves = simulate(engine, case.model_path, replace(run, x=run.x[::8]))
+    exact = RunReference(case, "sweep", curves).as_driven(curves.drive).channels
+    for name in ("slip", "hinge_moment.z", "holding_moment"):
+        assert np.abs(curves.channels[name] - exact[name]).max() < 1e-6 * np.ptp(exact[name])
+
+
 @of("dart", "rapier")
 def test_a_gear_is_refused_by_its_name(engine):
     with pytest.raises(Unsupported, match="'mesh'"):

@@ -8,7 +8,7 @@ import pytest
 
 from proofmass.run.solve import prescribed_run
 from proofmass.sim.interpreter.mechanism import LinkStates
-from proofmass.sim.neutral import ModelReader, NeutralReader, read_mechanism
+from proofmass.sim.neutral import ModelReader, NeutralReader, read_mechanism, support_without
 from proofmass.sim.protocol.failures import BadModel, Unsupported
 from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.states import StateCurves
@@ -104,6 +104,53 @@ def test_a_servo_adds_to_the_spring_of_its_joint():
 def test_actuators_of_a_driven_joint_exert_no_force():
     (joint,) = read_parts((0,)).joints()
     assert (joint.servo, joint.damping, joint.force.tolist()) == (0.0, 0.1, [0.0])
+
+
+STICKS = """
+<mujoco>
+  <compiler angle="radian"/>
+  <option gravity="0 -9.81 0" timestep="1e-3"><flag contact="disable"/></option>
+  <worldbody>
+    <body name="rod"><joint name="hinge" frictionloss="{friction}"/>
+      <inertial pos="1 0 0" mass="2" diaginertia="0.1 0.1 0.1"/></body>
+  </worldbody>
+  <keyframe><key name="start" qvel="{rate}"/></keyframe>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    ("friction", "rate", "acceleration"),
+    [
+        (20.0, 0.0, 0.0),
+        (4.62, 0.0, -15.0 / 2.1),
+        (4.62, -3.0, -15.0 / 2.1),
+        (4.38, 3.0, -24.0 / 2.1),
+    ],
+    ids=["sticks", "begins to slip", "slips down", "slips up"],
+)
+def test_rates_of_half_a_step_before_have_the_friction(friction, rate, acceleration, tmp_path):
+    path = tmp_path / "sticks.xml"
+    path.write_text(STICKS.format(friction=friction, rate=rate))
+    run = Run("dynamics", np.linspace(0.0, 0.1, 3), ())
+    support = support_without((), friction=True)
+    (joint,) = read_mechanism(path, run, support).mechanism(-5e-4).joints
+    assert joint.rate == pytest.approx(rate - 5e-4 * acceleration, abs=1e-12)
+
+
+def test_friction_is_refused_without_it_and_by_kind_of_joint(tmp_path):
+    path = tmp_path / "sticks.xml"
+    path.write_text(STICKS.format(friction=1.0, rate=0.0))
+    run = Run("dynamics", np.linspace(0.0, 0.1, 3), ())
+    with pytest.raises(Unsupported, match="frictionloss of joint 'hinge' in dynamics"):
+        read_mechanism(path, run)
+    path.write_text(
+        path.read_text()
+        .replace('name="hinge"', 'name="ball" type="ball"')
+        .replace(' qvel="0.0"', "")
+    )
+    with pytest.raises(Unsupported, match="frictionloss of ball joint 'ball'"):
+        read_mechanism(path, run, support_without((), friction=True)).mechanism()
 
 
 def test_other_controls_change_the_forces_of_a_copy_only():

@@ -1,6 +1,7 @@
 """Box2D by pybox2d: bodies in the plane, in single precision.
 
-Hinges, slides, gears and loops are Box2D's joints, and drives its motors with large limits.
+Hinges, slides, gears and loops are Box2D's joints, and drives its motors with large limits; a motor
+at rest with a small limit is dry friction.
 Springs, dampers and loads are applied by hand in each step, at the state at its beginning.
 
 Box2D closes joints by moving bodies behind a step, and leaves the velocities as they are: these
@@ -78,18 +79,19 @@ class Box2dWorld:
         return self.world.CreateRevoluteJoint(bodyA=a, bodyB=b, **ends)
 
     def add_joint(self, j):
-        """Add a hinge or slide, with a motor if it is driven."""
-        joint, driven = self.mechanism.joints[j], self.mechanism.drive_of(j) is not None
+        """Add a hinge or slide, with a motor if it is driven or has dry friction."""
+        joint = self.mechanism.joints[j]
+        limit = MOTOR_LIMIT if self.mechanism.drive_of(j) else self.mechanism.friction_of(j)
         pair = self.bodies[joint.parent], self.bodies[joint.child]
         if joint.kind == "hinge":
             ends = (self.local(k, joint.anchor) for k in (joint.parent, joint.child))
             made = self.pin(*pair, *ends)
-            made.maxMotorTorque = MOTOR_LIMIT
+            made.maxMotorTorque = limit
         else:
             place = {"anchor": self.flat(joint.anchor), "axis": self.flat(joint.axis)}
             made = self.world.CreatePrismaticJoint(bodyA=pair[0], bodyB=pair[1], **place)
-            made.maxMotorForce = MOTOR_LIMIT
-        made.motorEnabled = driven
+            made.maxMotorForce = limit
+        made.motorEnabled = limit > 0.0
         if joint.limits:
             made.limits = sorted((self.sense(j) * joint.ends).tolist())
             made.limitEnabled = True

@@ -1,9 +1,10 @@
 """Bullet by pybullet: trees in reduced coordinates, loops by impulses, semi-implicit Euler.
 
 A free link is the base of a tree of its own; all others are one tree.  Drives are motors without
-limit; loops and gears are Bullet's.  Springs, dampers and loads are applied by hand at the state at
-the beginning of a step.  In the half-step reading its rates are half a step old: dampers, and the
-Coriolis forces of Bullet, are of first order in the step, and all else is of second order.
+limit, and dry friction is a motor at rest with one; loops and gears are Bullet's.  Springs, dampers
+and loads are applied by hand at the state at the beginning of a step.  In the half-step reading its
+rates are half a step old: dampers, and the Coriolis forces of Bullet, are of first order in the
+step, and all else is of second order.
 """
 
 from importlib.metadata import version
@@ -103,7 +104,7 @@ class BulletTrees:
         return matrix(bullet.getDynamicsInfo(*self.places[k])[4]) if k else np.eye(3)
 
     def start(self, j, motion):
-        """Set the coordinates and rates of a joint, and take Bullet's motor off it."""
+        """Set the coordinates and rates of a joint; its motor at rest is its dry friction."""
         joint, at, turn = self.mechanism.joints[j], self.joints.get(j), [*motion[0] / 2, 1.0]
         link, base = self.mechanism.links[joint.child], self.mechanism.links[joint.parent]
         if joint.armature:
@@ -119,7 +120,7 @@ class BulletTrees:
             bullet.setJointMotorControlMultiDof(*at, bullet.POSITION_CONTROL, turn, force=[0.0] * 3)
         else:
             bullet.resetJointState(*at, motion.sum(axis=0) @ joint.axis, joint.rate)
-            bullet.setJointMotorControl2(*at, bullet.VELOCITY_CONTROL, force=0)
+            bullet.setJointMotorControl2(*at, bullet.VELOCITY_CONTROL, force=joint.friction)
 
     def step(self, i):
         """Step number i, with the forces on joints and links, and the rates of drives."""

@@ -2,8 +2,8 @@
 
 Hinges, slides, balls and free links are DART's joints; several joints of a link in a row have
 massless links between them.  Loops are its ball joint constraints, and drives its velocity
-actuators.  Springs, dampers and loads are applied by hand in each step, at the coordinates and the
-rates at its beginning: DART's own are implicit, of first order.
+actuators; dry friction is DART's.  Springs, dampers and loads are applied by hand in each step, at
+the coordinates and the rates at its beginning: DART's own are implicit, of first order.
 
 In the half-step reading these rates are half a step old.  Dampers and Coriolis forces, which DART
 takes at them too, are then of first order in the step, and all else is of second order.
@@ -84,6 +84,8 @@ class DartTree:
         made.setVelocities(rates)
         if self.mechanism.drive_of(j):
             made.setActuatorType(VELOCITY)
+        if joint.kind in SINGLE:
+            made.setCoulombFriction(0, self.mechanism.friction_of(j))
         if joint.limits:
             made.setPositionLowerLimit(0, joint.ends[0])
             made.setPositionUpperLimit(0, joint.ends[1])

@@ -1,7 +1,8 @@
 """Chipmunk by pymunk of any version from 6.4 on, in its plain steps: bodies in the plane.
 
 A hinge is a pivot; a slide is a groove and a gear of ratio 1, with anchors by which the groove does
-not couple sliding with rotation.  A drive is a gear or a groove at right angles whose target moves.
+not couple sliding with rotation.  A drive is a gear or a groove at right angles whose target moves;
+dry friction is a motor at rest, or such a groove, with a limited force.
 
 A step of Chipmunk moves the bodies by the velocities that they have, and then changes these.  What
 is read between two steps is the state between these two: velocities, and the places to which they
@@ -43,7 +44,8 @@ class PlainSpace:
         self.drives = [self.driver(one.joint) for one in mechanism.drives]
         for one in self.drives if defaults else [*made, *self.drives]:
             one.error_bias = 0.0
-        self.space.add(*made, *self.drives)
+        rubbing = [j for j in mechanism.singles if mechanism.friction_of(j)]
+        self.space.add(*made, *self.drives, *map(self.friction, rubbing))
 
     def flat(self, vector):
         """Components of a vector in the plane."""
@@ -127,6 +129,14 @@ class PlainSpace:
             return pymunk.GearJoint(*self.pair(j), 0.0, 1.0)
         made = self.groove(j, along=False)
         made.start = made.groove_a, made.groove_b
+        return made
+
+    def friction(self, j):
+        """The dry friction of a joint, which corrects no deviation."""
+        joint = self.mechanism.joints[j]
+        hinge = joint.kind == "hinge"
+        made = pymunk.SimpleMotor(*self.pair(j), 0.0) if hinge else self.groove(j, along=False)
+        made.max_force, made.error_bias = joint.friction, 1.0
         return made
 
     def step(self, i):

@@ -1,6 +1,7 @@
 """Rapier by rapier3d: bodies in space, in single precision, with joints as impulses.
 
-Hinges, slides, balls and loops are Rapier's impulse joints, and drives its motors.  A step is one
+Hinges, slides, balls and loops are Rapier's impulse joints, and drives its motors, with a
+limit for dry friction.  A step is one
 substep without the relaxation behind it, so that velocities are those that move the bodies.
 Springs, dampers and loads are applied by hand; in the half-step reading the rate in a damper is
 half a step old, and dampers are of first order in the step.
@@ -100,9 +101,12 @@ class RapierWorld:
                     f"{sizes.max():.3g} kg m2: the iterations do not converge"
                 )
             made = BUILDERS[one.kind](tuple(one.axis))
-        if self.mechanism.drive_of(j):
-            made = made.motor_velocity(one.rate, MOTOR_FACTOR)
+        if self.mechanism.drive_of(j) or one.friction:
+            rate = one.rate if self.mechanism.drive_of(j) else 0.0
+            made = made.motor_velocity(rate, MOTOR_FACTOR)
             made = made.motor_model(rapier.MotorModel.FORCE_BASED)
+            if not self.mechanism.drive_of(j):
+                made = made.motor_max_force(one.friction)
         ends = (one.parent, one.anchor), (one.child, one.anchor)
         return None if one.kind == "free" else self.insert(made, *ends)
 
