@@ -37,9 +37,9 @@ def accelerations_with_friction(
     Parameters
     ----------
     mass, force, rows, needed : ndarray
-        See `solve_accelerations`.
+        See `solve_accelerations` [SI].
     rates : ndarray (n,)
-        Rates of the coordinates [rad/s, or sizes per s].
+        Rates of the coordinates [rad/s or 1/s]: those of slides in sizes.
     bounds : ndarray (n,)
         Largest friction of each [N m or N].
 
