@@ -5,9 +5,9 @@ import numpy as np
 from proofmass.analytic.joints_at_rest import RestRows, free_motions
 from proofmass.base.arrays import Array
 
-REST_RATE = 1e-12
+SLIPPING_RATE = 1e-12
 """Rate below which a joint with dry friction is at rest [rad/s, or sizes per s]."""
-DEPENDENT_SHARE = 1e-13
+REDUNDANT_VALUE_SHARE = 1e-13
 """Singular value, as a share of the largest, below which rows are redundant: exact copies of
 others, but for rounding."""
 
@@ -23,7 +23,7 @@ def solve_accelerations(mass: Array, force: Array, rows: Array, needed: Array) -
     """
     matrix = np.block([[mass, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
     right = np.concatenate([force, needed])
-    return np.asarray(np.linalg.lstsq(matrix, right, rcond=DEPENDENT_SHARE)[0][: len(mass)])
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=REDUNDANT_VALUE_SHARE)[0][: len(mass)])
 
 
 def accelerations_with_friction(
@@ -56,7 +56,7 @@ def accelerations_with_friction(
     (4.0, 1.0, 0.0)
     """
     rubs = np.flatnonzero(bounds)
-    senses = np.where(np.abs(rates[rubs]) > REST_RATE, np.sign(rates[rubs]), 0.0)
+    senses = np.where(np.abs(rates[rubs]) > SLIPPING_RATE, np.sign(rates[rubs]), 0.0)
     slips, still = rubs[senses != 0.0], rubs[senses == 0.0]
     own = np.eye(len(mass))
     force = force - own[slips].T @ (senses[senses != 0.0] * bounds[slips])
