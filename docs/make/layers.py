@@ -29,6 +29,7 @@ text { font: 13px system-ui, sans-serif; fill: #333b48 }
 """
 QUESTIONS = {
     "base": "what do all others use?",
+    "tables": "what does a table of another program say?",
     "analytic": "what does mathematics say?",
     "sim": "what do the engines say?",
     "screen": "what is this model?",

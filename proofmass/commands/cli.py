@@ -58,6 +58,10 @@ RunTimeout = Annotated[
 ]
 Runs = StrEnum("Runs", ["dynamics", "equilibrium", "sweep"])
 Errors = StrEnum("Errors", ["position", "velocity", "acceleration", "force", "energy"])
+TableRoles = StrEnum("TableRoles", ["truth", "party", "profile"])
+DecimalSigns = StrEnum("DecimalSigns", {"point": ".", "comma": ","})
+EventRows = StrEnum("EventRows", ["after", "before"])
+EmptyRows = StrEnum("EmptyRows", ["keep", "drop"])
 FORMER_ERRORS = {"rate": "velocity", "effort": "force"}
 
 
@@ -462,6 +466,103 @@ def new_command(
         error_console.print(line)
     sidecar = next(file for file in files if file.suffix == ".toml")
     error_console.print(f"next: proofmass check {shlex.quote(str(sidecar))}")
+
+
+@app.command("import")
+def import_command(
+    file: Annotated[
+        Path, typer.Argument(help="A table that another program wrote.", metavar="FILE")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="CSV to write.",
+            show_default="NAME.csv, or NAME_clean.csv of a CSV",
+            metavar="FILE",
+        ),
+    ] = None,
+    role: Annotated[
+        TableRoles, typer.Option("--as", help="What the table is in the sidecar.")
+    ] = TableRoles.truth,
+    time: Annotated[
+        str, typer.Option(help="Column of the x.", show_default="found", metavar="COLUMN")
+    ] = "",
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Unit of a column, such as theta=deg; can be given several times.",
+            metavar="COLUMN=UNIT",
+        ),
+    ] = None,
+    decimal: Annotated[
+        DecimalSigns | None, typer.Option(help="Decimal sign.", show_default="found")
+    ] = None,
+    fps: Annotated[
+        str | None,
+        typer.Option(help="Rows or frames per second of a table without times.", metavar="NUMBER"),
+    ] = None,
+    clockwise: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Column whose angle counts clockwise, or none; can be given several times.",
+            show_default="by its name",
+            metavar="COLUMN",
+        ),
+    ] = None,
+    event: Annotated[
+        EventRows, typer.Option(help="Row that is kept of two at the same time.")
+    ] = EventRows.after,
+    empty: Annotated[
+        EmptyRows | None,
+        typer.Option(
+            help="What becomes of rows with an empty cell.",
+            show_default="dropped between values, kept at the ends of a column",
+        ),
+    ] = None,
+    sheet: Annotated[
+        str,
+        typer.Option(
+            help="Sheet of a workbook, variable of a .mat, analysis of a .res.", metavar="NAME"
+        ),
+    ] = "",
+    table: Annotated[
+        int, typer.Option(min=0, help="Number of the table of a text.", show_default="the only one")
+    ] = 0,
+    encoding: Annotated[
+        str, typer.Option(help="Encoding of a text.", show_default="found", metavar="NAME")
+    ] = "",
+    yes: Annotated[
+        bool, typer.Option("--yes", "-y", help="Take defaults where a person would be asked.")
+    ] = False,
+    force: ForceOption = False,
+) -> None:
+    """Write a clean CSV of a table of another program, and the sidecar's lines that use it.
+
+    CSV and other text, .xlsx, .lvm, .res of Adams and SolidWorks, .mat, Parquet. What was changed
+    is printed, one sentence each. What the file leaves open is asked once on a terminal; without
+    one, the option that decides it is named. Exit code 0: written; 2: bad input, or undecided.
+    """
+    from proofmass.commands.import_table import parse_rate, parse_units, run_import
+    from proofmass.tables.decisions import Decisions
+    from proofmass.tables.sidecar_lines import TableRole
+
+    with exit_on_error("nothing is written"):
+        decisions = Decisions(
+            decimal=decimal.value if decimal else "",
+            time=time,
+            units=parse_units(unit),
+            fps=parse_rate(fps),
+            clockwise=tuple(clockwise) if clockwise else None,
+            sheet=sheet,
+            encoding=encoding,
+            table=table,
+            event=event.value,
+            empty=empty.value if empty else "",
+            yes=yes,
+        )
+    run_import(file, output, TableRole(role.value), decisions)
 
 
 @app.command("schema")

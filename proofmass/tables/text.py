@@ -1,0 +1,284 @@
+"""Tables in text: the encoding of a file, and the cells of its lines."""
+
+import codecs
+import csv
+import io
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from proofmass.base.errors import InputError
+from proofmass.tables.cells import STYLES, is_empty, split_number
+from proofmass.tables.decisions import Decisions
+from proofmass.tables.foreign import Correction, ImportRule
+from proofmass.tables.moments import is_moment
+from proofmass.tables.unit_words import read_unit
+
+SAMPLE_BYTES = 4096  # bytes at the beginning by which UTF-16 without a mark is known
+ZERO_BYTES_SHARE = 0.4  # share of zero bytes at every other place of UTF-16 in a Western language
+JAPANESE_WORDS = ("時間", "時刻", "角", "速度", "変位", "秒", "度", "位置", "力")
+"""Words of headers by which Shift-JIS is told from Windows-1252."""
+SAMPLE_LINES = 3000  # lines in which the separator is looked for
+MARKS = ("\t", ";", "|", ",", "  ", " ")
+"""Separators, in the order in which they are preferred: two blanks or more, or any blanks."""
+MARK_WORDS = {"\t": "tabs", ";": "semicolons", "|": "bars", ",": "commas", "  ": "blanks"}
+MARK_WORDS |= {" ": "blanks", "": "nothing"}
+VALUE_SHARE = 0.6
+"""Share of the cells of a column that must be values: footers and lines of words are fewer."""
+COMMENT_MARKS = ("#", "%", "//", "!", "*", "'")
+"""Signs at the beginning of lines of comments."""
+
+
+@dataclass(frozen=True)
+class CellRow:
+    """A row of cells.
+
+    Attributes
+    ----------
+    number : int
+        Its line or row in the file.
+    cells : tuple of str
+    text : str
+        The line as it stands in the file; empty for a row of a workbook.
+    """
+
+    number: int
+    cells: tuple[str, ...]
+    text: str = ""
+
+    @property
+    def is_blank(self) -> bool:
+        """Whether all cells are empty."""
+        return not any(cell.strip() for cell in self.cells)
+
+
+@dataclass(frozen=True)
+class CellGrid:
+    """All rows of a file.
+
+    Attributes
+    ----------
+    file : Path
+    rows : tuple of CellRow
+    place_word : str
+        What the numbers of rows count.
+    mark : str
+        The separator of cells; empty if cells are separate in the container.
+    decimal : str
+        The decimal sign, if the file states it.
+    corrections : tuple of Correction
+    """
+
+    file: Path
+    rows: tuple[CellRow, ...]
+    place_word: str = "line"
+    mark: str = ""
+    decimal: str = ""
+    corrections: tuple[Correction, ...] = ()
+
+
+def decode(file: Path, data: bytes, decisions: Decisions) -> tuple[str, tuple[Correction, ...]]:
+    """Decode the text of a file.
+
+    Raises
+    ------
+    InputError
+        The option names no encoding, or the file is not in it.
+    """
+    name = decisions.encoding or find_encoding(data)
+    try:
+        text = data.decode(name)
+    except (LookupError, UnicodeError):
+        raise InputError(
+            file, "--encoding", f"the file is not in {name!r}; give a name such as utf-8 or cp1252"
+        ) from None
+    text = text.removeprefix("\ufeff")
+    if name in ("utf-8-sig", "ascii", "utf-8"):
+        return text, ()
+    return text, (Correction(ImportRule.ENCODING, f"the text is in {name.upper()}"),)
+
+
+def find_encoding(data: bytes) -> str:
+    """Find the encoding of a text.
+
+    >>> [find_encoding("t [s];φ [°]".encode(name)) for name in ("utf-8", "utf-16", "utf-16-le")]
+    ['utf-8-sig', 'utf-16', 'utf-16-le']
+    >>> find_encoding("φ,°".encode("utf-8")), find_encoding("x [°]".encode("latin-1"))
+    ('utf-8-sig', 'cp1252')
+    """
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    sample = data[:SAMPLE_BYTES]
+    for name, offset in (("utf-16-le", 1), ("utf-16-be", 0)):
+        if sample and sample[offset::2].count(0) > ZERO_BYTES_SHARE * len(sample) / 2:
+            return name
+    try:
+        data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        pass
+    else:
+        return "utf-8-sig"
+    try:
+        if any(word in data.decode("cp932") for word in JAPANESE_WORDS):
+            return "cp932"
+    except UnicodeDecodeError:
+        pass
+    try:
+        data.decode("cp1252")
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "cp1252"
+
+
+def is_value(cell: str) -> bool:
+    """Whether a cell has a number, in any style and with a unit or without, or a time of a clock.
+
+    >>> [is_value(cell) for cell in ("1.234,5", "0.005 sec", "10:00:00.5", "Theta2", "3 bodies")]
+    [True, True, True, False, False]
+    """
+    parts = split_number(cell)
+    if parts is not None:
+        number, rest = parts
+        if any(style.plain(number) is not None for style in STYLES):
+            return not rest or read_unit(rest) is not None or is_moment(cell)
+    return is_moment(cell)
+
+
+def lines_of(text: str) -> list[str]:
+    """The lines of a text, as `csv` counts them, with their ends."""
+    return io.StringIO(text, newline="").readlines()
+
+
+def split_rows(text: str, mark: str) -> Iterator[CellRow]:
+    """The rows of a text whose cells a mark separates."""
+    if mark in (" ", "  ", ""):
+        pattern = {" ": r"\s+", "  ": r"\s{2,}|\t", "": r"(?!)"}[mark]
+        for number, line in enumerate(lines_of(text), 1):
+            line = line.rstrip("\r\n")
+            yield CellRow(number, tuple(re.split(pattern, line.strip())), line)
+        return
+    lines = lines_of(text)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=mark, skipinitialspace=True)
+    last = 0
+    for cells in reader:
+        number = last + 1
+        yield CellRow(number, tuple(cells), "".join(lines[last : reader.line_num]).rstrip("\r\n"))
+        last = reader.line_num
+
+
+@dataclass(frozen=True)
+class DataShape:
+    """What the rows of numbers of a grid have in common.
+
+    Attributes
+    ----------
+    width : int
+        The number of cells of a full row.
+    values : tuple of int
+        The columns that have values, and no words.
+    rows : int
+        The number of full rows with values in all these columns, or with empty cells.
+    share : float
+        The share of the cells of these rows that are values [1].
+    """
+
+    width: int
+    values: tuple[int, ...]
+    rows: int
+    share: float
+
+    def has(self, row: CellRow) -> bool:
+        """Whether a row is one of these: of full width, with a value, and no words in a place of
+        values."""
+        return len(trimmed(row, self.width)) == self.width and self.fits(row)
+
+    def fits(self, row: CellRow) -> bool:
+        """Whether a row has a value and no words in a place of values; it may be too short."""
+        cells = trimmed(row, self.width)
+        if len(cells) > self.width:
+            return False
+        there = [cells[k] for k in self.values if k < len(cells) and not is_empty(cells[k])]
+        return bool(there) and all(map(is_value, there))
+
+
+def trimmed(row: CellRow, width: int) -> tuple[str, ...]:
+    """The cells of a row without empty ones beyond a width."""
+    cells = row.cells
+    while len(cells) > width and not cells[-1].strip():
+        cells = cells[:-1]
+    return cells
+
+
+def find_shape(rows: list[CellRow]) -> DataShape | None:
+    """Find the shape of the rows of numbers; None if there are none."""
+    counts = Counter(len(row.cells) for row in rows if any(map(is_value, row.cells)))
+    best: DataShape | None = None
+    for width, count in counts.most_common(3):
+        full = [row for row in rows if len(row.cells) == width]
+        values = tuple(k for k in range(width) if is_value_column([row.cells[k] for row in full]))
+        if not values:
+            continue
+        shape = DataShape(width, values, 0, 0.0)
+        data = [row for row in full if shape.has(row)]
+        if not data:
+            continue
+        cells = [cell for row in data for cell in row.cells]
+        share = sum(map(is_value, cells)) / max(sum(not is_empty(c) for c in cells), 1)
+        shape = DataShape(width, values, len(data), share)
+        if best is None or shape.rows * len(values) > best.rows * len(best.values):
+            best = shape
+        if count < len(rows) // 4:
+            break
+    return best
+
+
+def is_value_column(cells: list[str]) -> bool:
+    """Whether most cells of a column are values."""
+    there = [cell for cell in cells if not is_empty(cell)]
+    return bool(there) and sum(map(is_value, there)) >= VALUE_SHARE * len(there)
+
+
+def read_grid(file: Path, text: str, decisions: Decisions, mark: str = "") -> CellGrid:
+    """Read the cells of a text, whose separator is found unless it is given.
+
+    Raises
+    ------
+    InputError
+        The text has no rows of numbers.
+    """
+    lines = lines_of(text)
+    sample = "".join(lines[:SAMPLE_LINES])
+    found: list[tuple[float, str]] = []
+    for one in (mark,) if mark else MARKS:
+        try:
+            shape = find_shape(list(split_rows(sample, one)))
+        except csv.Error:
+            continue
+        if shape is not None and (shape.width > 1 or one == mark):
+            found.append((shape.rows * len(shape.values) * shape.share**2, one))
+    if not found:
+        shape = find_shape(list(split_rows(sample, "")))
+        if shape is None:
+            raise InputError(file, "", no_table(text))
+        found = [(1.0, "")]
+    best = max(found, key=lambda one: one[0])[1]
+    try:
+        rows = tuple(split_rows(text, best))
+    except csv.Error as error:
+        raise InputError(file, "", f"no table: {error}") from None
+    words = f"cells are separated by {MARK_WORDS[best]}"
+    told = () if best == "," else (Correction(ImportRule.SEPARATOR, words),)
+    return CellGrid(file, rows, "line", best, corrections=told)
+
+
+def no_table(text: str) -> str:
+    """Why a text is no table."""
+    first = next((line.strip() for line in text.splitlines() if line.strip()), "")
+    if not first:
+        return "the file is empty"
+    return (
+        "no table: no rows of two numbers or more stand below each other; its first line is "
+        f"{first[:60]!r}"
+    )
