@@ -351,10 +351,14 @@ class PlacedRows:
         """
         if self.begin_with(x):
             return curve[: x.size], np.zeros(x.size)
-        rows, values = self.x[self.rising], curve[self.rising]
+        rows, values = self.rows_of(curve)
         if self.have(x):
             return values[nearest_rows(x, rows)], np.zeros(x.size)
         return interpolate_recorded(x, rows, values)
+
+    def rows_of(self, curve: Array) -> tuple[Array, Array]:
+        """The x of the rows, rising, and a curve of the file there [SI]."""
+        return self.x[self.rising], curve[self.rising]
 
     def require(self, x: Array, kind: str) -> None:
         """Raise InputError if the rows do not cover a run, or are too few to interpolate."""

@@ -24,6 +24,18 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:.0f}" if whole >= digits and abs(value) >= 1 else f"{value:.{digits}g}"
 
 
+def format_fitted(value: float, error: float) -> str:
+    """Format a fitted number with its standard error, of which two digits are shown.
+
+    >>> format_fitted(2.00203, 0.000123), format_fitted(-0.3, 0.012)
+    ('2.00203 ± 0.00012', '-0.300 ± 0.012')
+    """
+    if not (error > 0 and math.isfinite(error)):
+        return f"{number(value)} ± {number(error)}"
+    digits = max(1 - math.floor(math.log10(error)), 0)
+    return f"{value:.{digits}f} ± {error:.{digits}f}"
+
+
 def format_unit(unit: str) -> str:
     """Format a unit with superscripts and centred dots.
 

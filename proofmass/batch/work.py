@@ -57,7 +57,12 @@ def compare_and_share(
     from proofmass.verdict.compare import compare
 
     shared = shared_reference(case, kind, curves)
-    return compare(case, kind, solver, curves, detectable, shared)
+    found = compare(case, kind, solver, curves, detectable, shared)
+    if any(c.noise is not None for c in found):
+        from proofmass.evidence.diagnosis.measured import judge_numbers
+
+        return judge_numbers(case, kind, solver, curves, found)
+    return found
 
 
 def run_and_compare(

@@ -351,13 +351,30 @@ RangeShare = Annotated[StrictNumber, Field(gt=0), AfterValidator(refuse_loose_sh
 """A tolerance as a share of the range of a curve."""
 
 
+Fitted = Literal["zero", "lag"]
+"""What may be fitted to a measured curve: its zero, and the time by which it begins late."""
+
+
+def sigma_type(sigma: Any) -> str:
+    """The tag of the type in which the noise is given."""
+    return "str" if isinstance(sigma, str) else "number"
+
+
+Sigma = Annotated[
+    Annotated[Literal["estimated"], Tag("str")]
+    | Annotated[StrictNumber, Field(gt=0), Tag("number")],
+    Discriminator(sigma_type),
+]
+
+
 class Tolerance(Strict):
     """``[[tolerance]]``: a number, where it holds, and the reason for it.
 
     `run`, `solver`, `unit` and `channels` select where it holds; a missing key selects all.
-    The number is `abs`, in the channel's unit, or `relative_to_range`, a share of the reference
+    The number is `abs`, in the channel's unit; or `relative_to_range`, a share of the reference
     curve's range, or of its size if the curve is constant, see
-    `proofmass.verdict.compare.MechanismSizes`.
+    `proofmass.verdict.compare.MechanismSizes`; or `sigma`, the standard deviation of the noise of a
+    measured curve, in the channel's unit, see `proofmass.verdict.noise`, with what is fitted to it.
     """
 
     run: Kind | None = None
@@ -366,12 +383,21 @@ class Tolerance(Strict):
     channels: Names = ("*",)
     abs: StrictNumber | None = Field(None, gt=0)
     relative_to_range: RangeShare | None = None
+    sigma: Sigma | None = None
+    fit: Annotated[tuple[Fitted, ...], one_or_more(Fitted)] = ()
     why: str
 
     @model_validator(mode="after")
     def _complete(self) -> "Tolerance":
-        if (self.abs is None) == (self.relative_to_range is None):
-            raise ValueError("give either abs (in the channel's unit) or relative_to_range")
+        if sum(one is not None for one in (self.abs, self.relative_to_range, self.sigma)) != 1:
+            raise ValueError(
+                "give one of abs (in the channel's unit), relative_to_range, and sigma (the noise "
+                "of a measured curve, in the channel's unit)"
+            )
+        if self.fit and self.sigma is None:
+            raise ValueError("fit goes with sigma, the noise of a measured curve; leave it out")
+        if len(set(self.fit)) < len(self.fit):
+            raise ValueError("fit has a name twice")
         if not self.why.strip():
             raise ValueError("why is empty; a tolerance needs its reason")
         return self
@@ -388,8 +414,17 @@ class Tolerance(Strict):
             and any(fnmatchcase(name, c) for c in self.channels)
         )
 
+    @property
+    def noise(self) -> float | None:
+        """The stated standard deviation of noise [unit of the curve]; None if it is estimated."""
+        return None if isinstance(self.sigma, str) else self.sigma
+
     def allowed(self, scale: float) -> float:
-        """The largest allowed error of a curve of range or size `scale`, in the curve's unit."""
+        """The largest allowed error of a curve of range or size `scale`, in the curve's unit.
+
+        That of a curve with noise also depends on the number of its rows, see
+        `proofmass.verdict.measured.allowed_noise`.
+        """
         return self.abs if self.abs is not None else float(self.relative_to_range or 0) * scale
 
 

@@ -42,6 +42,7 @@ COMPARISON_KEYS = (
     "error_rms",
     "nrmse",
     "uncertainty",
+    "noise",
     "allowed",
     "detectable",
     "outcome",
@@ -167,7 +168,7 @@ def worst_comparison(group: list[Comparison]) -> Comparison:
     """Return the comparison that represents a solver: a failure, else the one nearest its limit."""
 
     def rank(c: Comparison) -> tuple[bool, float]:
-        ratio = c.error_max / c.allowed if c.allowed > 0 else c.nrmse
+        ratio = c.share_of_allowed if c.allowed > 0 else c.nrmse
         return c.outcome not in OUTCOME_SIGNS, ratio if math.isfinite(ratio) else -1.0
 
     return max(group, key=rank)
@@ -267,7 +268,7 @@ def format_ratio(c: Comparison) -> str:
     """
     if not (math.isfinite(c.error_max) and c.allowed > 0):
         return "–"
-    ratio = c.error_max / c.allowed
+    ratio = c.share_of_allowed
     return f"{ratio:.2f}" if 0.01 <= ratio < 1e4 else "0" if not ratio else f"{ratio:.1e}"
 
 

@@ -28,7 +28,11 @@ from proofmass.reference.profiles import (
     load_profiles,
     prescribed_quantities,
 )
-from proofmass.reference.recorded_rows import interpolation_errors, recorded_column
+from proofmass.reference.recorded_rows import (
+    interpolation_errors,
+    recorded_column,
+    rows_of_channels,
+)
 from proofmass.reference.reference_curves import ReferenceCurves
 from proofmass.reference.samples import reference_rows, run_samples
 from proofmass.sim.protocol.curves import Curves
@@ -79,7 +83,8 @@ def evaluate(
     if not changed and np.isfinite(x).all() and (state is None or np.isfinite(state).all()):
         require_finite(case, kind, x, channels)
     unsure = interpolation_errors(case, kind, x) if case.recorded else {}
-    return ReferenceCurves(x, channels, shown=shown, uncertainty=unsure)
+    rows = rows_of_channels(case, kind, x) if case.recorded else {}
+    return ReferenceCurves(x, channels, shown=shown, uncertainty=unsure, rows=rows)
 
 
 def names_in_views(case: Case, kind: Kind) -> frozenset[str]:

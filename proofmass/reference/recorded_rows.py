@@ -13,6 +13,7 @@ from proofmass.base.units import same_quantity
 from proofmass.case.case import Case
 from proofmass.reference.find import load_reference
 from proofmass.reference.samples import reference_rows, run_samples, steady_drive
+from proofmass.sim.protocol.curves import rows_until
 
 END_SHARE = 0.01
 """Share of a record by which its last row may miss the stated end of a run, if rows are few."""
@@ -123,6 +124,24 @@ def interpolation_errors(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
         for name, channel in case.channels_of(kind).items()
         if isinstance(channel.equals, str) and channel.equals in reference.columns
     }
+
+
+def rows_of_channels(case: Case, kind: Kind, x: Array) -> dict[str, tuple[Array, Array]]:
+    """The rows of a recorded reference, rising, and the values of channels there [SI].
+
+    Channels are left out if all samples x (n,) are at rows.
+    """
+    reference, placed = load_reference(case), reference_rows(case, kind)
+    assert isinstance(reference, Recorded)
+    if placed.have(x):
+        return {}
+    found = {}
+    for name, channel in case.channels_of(kind).items():
+        if isinstance(channel.equals, str) and channel.equals in reference.columns:
+            values = channel.scale * reference.curve(channel.equals)
+            rows = placed.rows_of(values + channel.shift * channel.factor)
+            found[name] = rows_until(x, *rows)
+    return found
 
 
 def describe_rows(case: Case, kind: Kind) -> str:

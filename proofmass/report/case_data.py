@@ -250,7 +250,7 @@ def comparison_data(run: PlottedRun, c: Comparison) -> dict[str, Any]:
         "allowed": None if failed else finite_or_none(c.allowed),
         "share": round_share(c.error_max / scale if scale else np.nan),
         "allowed_share": None if failed else round_share(c.allowed / scale if scale else np.nan),
-        "ratio": None if failed or not c.allowed else round_share(c.error_max / c.allowed),
+        "ratio": None if failed or not c.allowed > 0 else round_share(c.share_of_allowed),
         "why": tolerance.why if tolerance else "",
         "detectable": {
             name: [round_share(change.size), change.relative]

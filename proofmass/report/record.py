@@ -95,6 +95,7 @@ class ChannelRecord(Part):
     error_rms: float | None
     nrmse: float | None
     uncertainty: float | None = 0.0  # earlier versions did not have it
+    noise: dict[str, Any] | None = None  # nor this
     allowed: float | None
     detectable: dict[str, dict[str, float | bool | None]]
     outcome: str

@@ -308,12 +308,24 @@ def tolerance_rows(case: Case) -> list[dict[str, str]]:
         {
             "covers": describe_coverage(t),
             "why": t.why,
-            "size": f"{number(t.abs)} (absolute)"
-            if t.abs is not None
-            else f"{number(t.relative_to_range or NAN)} of range",
+            "size": describe_size(t),
         }
         for t in case.tolerance
     ]
+
+
+def describe_size(t: Tolerance) -> str:
+    """Format the size of a tolerance.
+
+    >>> describe_size(Tolerance(sigma=0.05, fit=("zero",), why="encoder"))
+    'noise of 0.05, zero fitted'
+    """
+    if t.sigma is not None:
+        size = t.sigma if isinstance(t.sigma, str) else f"of {number(t.sigma)}"
+        return f"noise {size}" + f", {format_list(t.fit)} fitted" * bool(t.fit)
+    if t.abs is not None:
+        return f"{number(t.abs)} (absolute)"
+    return f"{number(t.relative_to_range or NAN)} of range"
 
 
 def describe_coverage(t: Tolerance) -> str:

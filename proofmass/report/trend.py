@@ -124,7 +124,7 @@ def previous_error(errors: list[float | None]) -> float | None:
 def trend_order(c: Comparison) -> tuple[bool, float]:
     """Return the sort key of a channel: judged channels by the error over what is allowed."""
     judged = c.outcome in CHECKED_OUTCOMES and c.allowed > 0
-    share = c.error_max / c.allowed if judged else c.relative_to_range
+    share = c.share_of_allowed if judged else c.relative_to_range
     return judged, share if math.isfinite(share) else math.inf
 
 

@@ -23,6 +23,7 @@ from proofmass.sim.contents import (
     key_names,
     sensor_names,
 )
+from proofmass.sim.engines import computes_curves
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.protocol.run import Run
@@ -42,6 +43,7 @@ def validate_case(case: Case) -> None:
     for kind, table in case.run.items():
         for solver in table.solvers:
             settings_of(case, kind, solver)
+    check_noise(case)
     check_model(case, compiled_model(case))
     if compiled_model(case).neq:  # without equalities nothing is over-constrained
         mobility(case)
@@ -52,6 +54,21 @@ def validate_case(case: Case) -> None:
             check_views(case, kind, few)
     if case.chart:
         check_charts(case)
+
+
+def check_noise(case: Case) -> None:
+    """Raise InputError for a tolerance that is the noise of curves that have none."""
+    for kind, table in case.run.items():
+        for solver in filter(computes_curves, () if case.recorded else table.solvers):
+            for name in case.channels_of(kind):
+                tolerance = case.tolerance_for(kind, solver, name)
+                if tolerance and tolerance.sigma is not None:
+                    raise case.error(
+                        f"tolerance.{case.tolerance.index(tolerance)}.sigma",
+                        f"it covers channel {name!r} of {solver} in {kind}, where neither the "
+                        "reference nor the solver is a recorded file, so that no curve has noise; "
+                        "give abs or relative_to_range there, or the solver that is recorded",
+                    )
 
 
 def check_model(case: Case, model: MjModel) -> None:

@@ -21,6 +21,8 @@ from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.run import MIN_FREE_STEP_SHARE, MIN_STEP_SHARE, Run, fitting_samples
 from proofmass.verdict.comparison import Comparison, Comparisons, DetectableChange
 from proofmass.verdict.detectable import detectable_changes
+from proofmass.verdict.measured import allowed_noise, judge_noise, residuals_of
+from proofmass.verdict.noise import Residual, TooFewRows
 from proofmass.verdict.outcome import Outcome, judge_error
 
 NAN = float("nan")
@@ -124,6 +126,7 @@ def compare(
         changes = detectable_changes(
             evaluated, allowed_errors(case, run, solver, curves, driven.channels)
         )
+    residuals = residuals_of(case, run, solver, curves, driven)
     found = [
         compare_channel(
             case,
@@ -135,6 +138,7 @@ def compare(
             changes.get(name, {}),
             driven.uncertainty.get(name, 0.0),
             sizes,
+            residuals.get(name),
         )
         for name in case.channels_of(run)
     ]
@@ -152,11 +156,12 @@ def compare_channel(
     detectable: dict[str, DetectableChange],
     reference_error: Array | float = 0.0,
     sizes: MechanismSizes | None = None,
+    residual: Residual | TooFewRows | None = None,
 ) -> Comparison:
     """Compare one channel: the curves are in SI units, the comparison in the channel's unit.
 
     `reference_error` is the error that the reference may have at each sample [SI].  `sizes` are
-    those of the run, if they were found before.
+    those of the run, if they were found before.  `residual` is that of a measured channel.
     """
     tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
     factor = case.channels[name].factor
@@ -193,6 +198,8 @@ def compare_channel(
         "detectable": detectable,
         "uncertainty": float(unsure.max(initial=0.0)),
     }
+    if residual is not None:
+        return judge_noise(Comparison(**place, **found), case, residual, scale)
     why = tolerance.why if tolerance else ""
     outcome, message = judge_error(float(error[worst]), allowed, unit, why)
     if outcome == Outcome.UNCHECKED and solver in case.asked:
@@ -220,23 +227,28 @@ def check_tolerances(
         largest[channel.si_unit] = max(largest.get(channel.si_unit, 0.0), size)
     for name, channel in case.channels_of(run).items():
         tolerance = case.tolerance_for(run, solver, name)
-        if tolerance is None or tolerance.abs is None:  # a share of the range is checked on reading
+        if tolerance is None or tolerance.relative_to_range is not None:  # checked on reading
             continue
         scale = sizes.scale(channel.si_unit, reference[name])
         moved = np.ptp(reference[name])
         if channel.si_unit not in POSITION_UNITS:
             moved = np.abs(reference[name]).max()
         zero = moved <= ZERO_SHARE * max(scale, largest[channel.si_unit])
-        if not zero and passes_unmoved(tolerance.abs, scale / channel.factor):
-            raise loose_tolerance(case, name, tolerance, scale / channel.factor)
+        allowed = allowed_error(case, run, solver, name, sizes, reference[name])
+        if allowed is not None and not zero and passes_unmoved(allowed, scale):
+            raise loose_tolerance(
+                case, name, tolerance, *(x / channel.factor for x in (allowed, scale))
+            )
 
 
-def loose_tolerance(case: Case, name: str, tolerance: Tolerance, scale: float) -> InputError:
+def loose_tolerance(
+    case: Case, name: str, tolerance: Tolerance, allowed: float, scale: float
+) -> InputError:
     """The error of a tolerance that lets a curve of this scale pass that does not move."""
     unit = "" if case.channels[name].unit == "1" else f" {case.channels[name].unit}"
     return case.error(
         f"tolerance.{case.tolerance.index(tolerance)}",
-        f"it allows {tolerance.abs:.3g}{unit} for channel {name!r}, whose reference has a scale of "
+        f"it allows {allowed:.3g}{unit} for channel {name!r}, whose reference has a scale of "
         f"{scale:.3g}{unit}: a curve that does not move would pass; allow at most "
         f"{MAX_TOLERANCE_SHARE * scale:.3g}{unit} there, with a tolerance of its own if need be",
     )
@@ -343,11 +355,24 @@ def explain_step(case: Case, run: Kind, curves: Curves) -> str:
 
 
 def allowed_error(
-    case: Case, run: Kind, solver: str, name: str, sizes: MechanismSizes, reference: Array
+    case: Case,
+    run: Kind,
+    solver: str,
+    name: str,
+    sizes: MechanismSizes,
+    reference: Array,
+    curve: Array | None = None,
 ) -> float | None:
-    """The largest error that a channel's tolerance allows [SI]; None if there is no tolerance."""
+    """The largest error that a channel's tolerance allows [SI].
+
+    None if there is no tolerance, or if it is noise that is estimated, and the curve of the solver
+    is not given.
+    """
     if (tolerance := case.tolerance_for(run, solver, name)) is None:
         return None
+    if tolerance.sigma is not None:
+        difference = None if curve is None else curve - reference
+        return allowed_noise(case, run, solver, name, difference, reference.size)
     channel = case.channels[name]
     scale = sizes.scale(channel.si_unit, reference)
     return tolerance.allowed(scale / channel.factor) * channel.factor
@@ -357,13 +382,13 @@ def allowed_errors(
     case: Case, run: Kind, solver: str, curves: Curves, reference: Mapping[str, Array]
 ) -> dict[str, float]:
     """Return the largest allowed error of each channel that a tolerance covers [its SI unit]."""
-    sizes = mechanism_sizes(case, run, curves)
-    return {
-        name: allowed
-        for name in case.channels_of(run)
-        if name in curves.channels
-        and (allowed := allowed_error(case, run, solver, name, sizes, reference[name])) is not None
-    }
+    sizes, found = mechanism_sizes(case, run, curves), dict[str, float]()
+    for name in (name for name in case.channels_of(run) if name in curves.channels):
+        own = reference[name], curves.channels[name]
+        allowed = allowed_error(case, run, solver, name, sizes, *own)
+        if allowed is not None:
+            found[name] = allowed
+    return found
 
 
 def end_of_start(curves: Curves) -> float:

@@ -1,7 +1,7 @@
 """A comparison: one channel of one solver in one run, with its error, tolerance and outcome."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -38,6 +38,41 @@ class DetectableChange:
 
 
 @dataclass(frozen=True)
+class NoiseResult:
+    """What the residual of a measured curve shows, see `proofmass.verdict.noise`.
+
+    Attributes
+    ----------
+    sigma : float
+        Standard deviation of the noise [its unit].
+    estimated : bool
+        Whether it is estimated from the residual.
+    rows : int
+        Number of rows of the measured curve.
+    tests : dict of str to tuple of float
+        For each test its value, and the largest magnitude that noise has, in sigma or in standard
+        errors [1].
+    fits : dict of str to tuple of float
+        What was fitted, and its standard error: ``zero`` [its unit], ``lag`` [s, rad or m].
+    """
+
+    sigma: float
+    estimated: bool
+    rows: int
+    tests: dict[str, tuple[float, float]]
+    fits: dict[str, tuple[float, float]]
+
+    @property
+    def share(self) -> float:
+        """The largest value of a test over its limit [1]."""
+        return max(abs(value) / limit for value, limit in self.tests.values())
+
+    def with_test(self, name: str, value: float, limit: float) -> "NoiseResult":
+        """The result with another test."""
+        return replace(self, tests={**self.tests, name: (value, limit)})
+
+
+@dataclass(frozen=True)
 class Comparison(ShownAsHtml):
     """One channel of one solver in one run, compared with the reference.
 
@@ -70,6 +105,8 @@ class Comparison(ShownAsHtml):
     uncertainty : float
         Largest possible error of the curve or of its reference for a reason other than the solver,
         such as the interpolation of recorded rows [its unit]; 0 where there is none.
+    noise : NoiseResult, optional
+        Of a measured curve whose tolerance is its noise.
     """
 
     case: str
@@ -90,6 +127,7 @@ class Comparison(ShownAsHtml):
     violation: float = NAN
     error_later: float = NAN
     uncertainty: float = 0.0
+    noise: NoiseResult | None = None
 
     @property
     def relative_to_range(self) -> float:
@@ -108,10 +146,12 @@ class Comparison(ShownAsHtml):
 
     @property
     def share_of_allowed(self) -> float:
-        """The error over the tolerance, 1 at the limit.
+        """The error over the tolerance, 1 at the limit; of a measured curve the largest test.
 
         Where one of them gives no number it is infinite, or 0 if the outcome is good all the same.
         """
+        if self.noise is not None:
+            return self.noise.share
         if np.isfinite(self.error_max) and self.allowed > 0:
             return self.error_max / self.allowed
         return 0.0 if self.outcome in GOOD_OUTCOMES else np.inf

@@ -32,6 +32,7 @@ from proofmass.evidence.diagnosis.fit import (
     plural,
     slopes_of,
 )
+from proofmass.evidence.diagnosis.measured import measured_numbers, noise_cause
 from proofmass.evidence.diagnosis.model import (
     SIGN_KIND,
     ChangedModel,
@@ -97,8 +98,9 @@ def find_causes(
     """
     begin = time.perf_counter()
     residuals = Residuals(case, run, solver, curves)
-    causes, remarks = list[Explanation](), list[str]()
-    if residuals.differing:
+    causes, remarks = causes_of_noise(residuals), list[str]()
+    differing = causes[0].explains if causes else residuals.differing
+    if differing and not causes:
         causes += causes_of_reference(residuals)
         if model := changed_model(residuals):
             causes = with_mirrors(model, causes)
@@ -114,15 +116,24 @@ def find_causes(
         case.name,
         run,
         solver,
-        residuals.differing,
+        differing,
         len(residuals.allowed),
         best_causes(causes),
         tuple(residuals.log.tried),
         tuple(residuals.log.untried),
         tuple(remarks),
         time.perf_counter() - begin,
-        fault="" if residuals.differing else "; ".join(residuals.gaps),
+        fault="" if differing else "; ".join(residuals.gaps),
     )
+
+
+def causes_of_noise(residuals: Residuals) -> list[Explanation]:
+    """Causes of what measured curves differ by, if these explain all that differs."""
+    found = [*noise_cause(residuals)]
+    measured = residuals.measured.keys() >= {*residuals.differing}
+    if measured and (numbers := measured_numbers(residuals)):
+        found += numbers.explanations
+    return [one for one in found if one.complete]
 
 
 def causes_of_reference(residuals: Residuals) -> list[Explanation]:
@@ -292,7 +303,7 @@ def describe_transient(residuals: Residuals) -> Iterator[str]:
     """A remark on curves of a motion in time that differ at its start alone."""
     x, n = residuals.curves.x, residuals.curves.x.size
     over = [np.flatnonzero(np.abs(residuals.before[c]) > 1.0) for c in residuals.differing]
-    last = max((int(k[-1]) for k in over), default=0)
+    last = max((int(k[-1]) for k in over if k.size), default=n)
     if residuals.run == "dynamics" and n > 1 and last <= TRANSIENT_SHARE * (n - 1):
         yield (
             f"a start transient: no curve is outside its tolerance after {x[last]:.4g} s, "

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from proofmass.base.lines import LineIndex, WrittenValue, key_value
 from proofmass.base.units import si_unit, split_quantity
-from proofmass.base.wording import format_unit
+from proofmass.base.wording import format_fitted, format_unit
 from proofmass.case.case import Case
 from proofmass.sim.elements import Number, Source, degrees_of, written_number
 
@@ -47,6 +47,8 @@ class Fault:
         The line with the right value, to copy; empty if the file does not write the value.
     note : str
         What the change means, such as ``in degrees, not in radians``.
+    error : float
+        Standard error of the right value, where curves have noise [`unit`].
     """
 
     file: Path
@@ -58,6 +60,7 @@ class Fault:
     within: float = 0.0
     instead: str = ""
     note: str = ""
+    error: float = 0.0
 
     @property
     def place(self) -> str:
@@ -67,7 +70,11 @@ class Fault:
     @property
     def values(self) -> tuple[str, str]:
         """The wrong value and the right one with their unit, in digits that tell them apart."""
-        return format_values(self.wrong, self.right, self.unit)
+        wrong, right = format_values(self.wrong, self.right, self.unit)
+        if self.error and isinstance(self.right, float):
+            unit = format_unit(self.unit.removeprefix("1"))
+            right = f"{format_fitted(self.right, self.error)} {unit}".rstrip()
+        return wrong, right
 
     @property
     def change(self) -> str:

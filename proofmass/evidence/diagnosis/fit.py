@@ -39,6 +39,8 @@ from proofmass.sim.engines import computes_curves
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.verdict.compare import allowed_errors
+from proofmass.verdict.measured import noise_level, residuals_of
+from proofmass.verdict.noise import FittedNumber, Residual
 from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION
 
 SLOPE_STEP = 1e-6  # relative change of a parameter for a slope, whose rounding is then 1e-10 of it
@@ -67,6 +69,9 @@ UNFITTED_KINDS = ("inertia", "softness of the loop", "softness of the stop")
 RUN_EXCEPTIONS: tuple[type[Exception], ...] = (InputError, BadModel, *OUTCOME_OF_EXCEPTION)
 ChannelCurves = dict[str, Array]
 MODEL_KIND = "number of the model"  # a kind of cause
+PARAMETER_KIND = "parameter"  # another one
+ROUNDING_OF_ERROR = 0.1
+"""Share of its standard error within which a fitted value is rounded to few digits."""
 MAX_EVALUATIONS = 320
 """Evaluations of the reference after which no other fit begins: those of five parameters and five
 pairs, and 20 for slopes and signs.  The slowest shipped reference takes 0.5 s for one."""
@@ -143,7 +148,7 @@ class Residuals:
     with a curve that is not finite, are left out.
     """
 
-    kind = "parameter"
+    kind = PARAMETER_KIND
 
     def __init__(self, case: Case, run: Kind, solver: str, curves: Curves) -> None:
         self.case, self.curves, self.parameters = case, curves, changeable_parameters(case)
@@ -155,7 +160,10 @@ class Residuals:
         largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
         self.sizes = {key: abs(value) or largest for key, value in self.parameters.items()}
         with use_memory(self.memory, store_results=True):
-            reference = evaluate(case, run, curves.x, curves.drive).channels
+            self.evaluated = evaluate(case, run, curves.x, curves.drive)
+        reference = self.evaluated.channels
+        residuals = residuals_of(case, run, solver, curves, self.evaluated)
+        self.measured = {n: one for n, one in residuals.items() if isinstance(one, Residual)}
         self.allowed = {
             name: allowed
             for name, allowed in allowed_errors(case, run, solver, curves, reference).items()
@@ -172,7 +180,14 @@ class Residuals:
         self.curve = self.scaled(curves.channels)
         self.reference = self.scaled(reference)
         self.before = self.subtract(self.reference)
-        self.differing = tuple(n for n, y in self.before.items() if np.abs(y).max() > 1.0)
+        self.differing = tuple(n for n, y in self.before.items() if not self.is_allowed(n, y))
+
+    def is_allowed(self, name: str, differences: Array) -> bool:
+        """Whether a channel with these differences is within its tolerance, or is noise."""
+        if name not in self.measured:
+            return bool(np.abs(differences).max() <= 1.0)
+        residual = self.measured[name].with_values(differences * self.allowed[name])
+        return residual.is_noise(noise_level(self.case, self.run, self.solver))
 
     def scaled(self, curves: Mapping[str, Array]) -> ChannelCurves:
         """The checked channels of curves in SI units, as multiples of the allowed errors."""
@@ -215,7 +230,12 @@ class Residuals:
         return self.at({key: self.value(key, share) for key, share in shares.items()})
 
     def agrees(self, name: str, after: Array) -> bool:
-        """Whether a channel with these differences agrees, or has lost nearly all of its own."""
+        """Whether a channel with these differences agrees, or has lost nearly all of its own.
+
+        The differences of a measured channel must be noise.
+        """
+        if name in self.measured:
+            return self.is_allowed(name, after)
         most = float(np.abs(after).max())
         was = float(np.abs(self.before[name]).max())
         if name not in self.differing:
@@ -277,6 +297,23 @@ class Residuals:
             faults=tuple(faults),
             edits=edits,
         )
+
+
+def fitted_fault(residuals: Residuals, key: str, value: float, slope: ChannelCurves) -> Fault:
+    """The fault of a fitted value, with its standard error if all curves have noise."""
+    if not residuals.measured.keys() >= slope.keys():
+        return residuals.fault(key, value, residuals.sizes[key] / largest(slope))
+    free = [
+        slope[name] * residuals.allowed[name] / residuals.measured[name].sigma for name in slope
+    ]
+    error = residuals.sizes[key] / float(np.linalg.norm(np.concatenate(free)))
+    return measured_fault(residuals, key, FittedNumber(value, error))
+
+
+def measured_fault(residuals: Residuals, key: str, fitted: FittedNumber) -> Fault:
+    """The fault of a parameter or a number that is fitted to curves with noise."""
+    fault = residuals.fault(key, fitted.value, ROUNDING_OF_ERROR * fitted.error)
+    return replace(fault, error=fault.within / ROUNDING_OF_ERROR)
 
 
 def run_steps(case: Case, run: Kind, steps: float) -> float:
@@ -555,10 +592,7 @@ def parameter_cause(
     """The cause by other values of some parameters, with the differences that it leaves."""
     values = {key: residuals.value(key, share) for key, share in shares.items()}
     changes = {key: (residuals.parameters[key], value) for key, value in values.items()}
-    faults = [
-        residuals.fault(key, value, residuals.sizes[key] / largest(slopes[key]))
-        for key, value in values.items()
-    ]
+    faults = [fitted_fault(residuals, key, value, slopes[key]) for key, value in values.items()]
     words = []
     for fault, (old, new) in zip(faults, changes.values(), strict=True):
         share = f" ({100 * (new / old - 1):+.4g} %)" if old else ""

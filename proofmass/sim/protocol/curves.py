@@ -44,6 +44,9 @@ class Curves:
     uncertainty : dict of str to ndarray (n,)
         By channel, the possible error of its curve from a cause that is no fault of the judged
         party, such as the interpolation of rows [SI]; zero for channels that are left out.
+    rows : dict of str to tuple of two ndarray (m,)
+        By channel, the rows of a recorded curve that lie in the run, rising, and its values there
+        [SI]; only where these are not the samples.
     by_profile : bool
         Whether `drive` is that of the motion profiles, since the run has no record of its drives.
     notes : tuple of str
@@ -74,6 +77,7 @@ class Curves:
     derivatives: int = 2
     violations: Array | None = None
     uncertainty: dict[str, Array] = field(default_factory=dict)
+    rows: dict[str, tuple[Array, Array]] = field(default_factory=dict)
     by_profile: bool = False
     notes: tuple[str, ...] = ()
     asked_step: float = float("nan")
@@ -107,7 +111,18 @@ class Curves:
             drive=self.drive and (value[:, :count], rate[:, :count], acceleration[:, :count]),
             violations=None if self.violations is None else self.violations[:count],
             uncertainty={name: size[:count] for name, size in self.uncertainty.items()},
+            rows={name: rows_until(self.x[:count], *one) for name, one in self.rows.items()},
         )
+
+
+def rows_until(x: Array, rows: Array, values: Array) -> tuple[Array, Array]:
+    """The rows of a recorded curve, rising, and its values, where they lie within samples.
+
+    >>> rows_until(np.array([0.0, 1.0]), np.array([0.1, 0.9, 1.1]), np.arange(3))
+    (array([0.1, 0.9]), array([0, 1]))
+    """
+    inside = (rows >= x.min(initial=np.inf)) & (rows <= x.max(initial=-np.inf))
+    return rows[inside], values[inside]
 
 
 def split_channel(channel: str, names: Collection[str]) -> tuple[str, str]:

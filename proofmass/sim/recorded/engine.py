@@ -20,7 +20,7 @@ from proofmass.base.recording import PlacedRows, Recording, RunAxis, SteadyDrive
 from proofmass.base.strict import Strict, StrictNumber
 from proofmass.sim.contents import channel_unit, joints
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.curves import Curves, rows_until
 from proofmass.sim.protocol.engine import Engine
 from proofmass.sim.protocol.failures import BadModel, BadSetting, Unsupported
 from proofmass.sim.protocol.run import Run
@@ -131,10 +131,14 @@ def simulate(model: Path, run: Run) -> Curves:
     rows.require(run.x, run.kind)
     exact = rows.have(run.x)
     channels, uncertainty = dict[str, Array](), dict[str, Array]()
+    own_rows = dict[str, tuple[Array, Array]]()
     for name in (name for name in run.channels if name in columns):
-        channels[name], unsure = rows.at(run.x, export.curves[f"channels.{name}"])
+        curve = export.curves[f"channels.{name}"]
+        channels[name], unsure = rows.at(run.x, curve)
         if not exact:
             uncertainty[name] = unsure
+        if (own := rows_until(run.x, *rows.rows_of(curve)))[0].size != run.x.size or not exact:
+            own_rows[name] = own
     return Curves(
         run.x,
         channels,
@@ -147,6 +151,7 @@ def simulate(model: Path, run: Run) -> Curves:
         seconds=processor_time() - begin,
         settings={"x": export.recording.column.column},
         uncertainty=uncertainty,
+        rows=own_rows,
         notes=(describe_source(export, rows, uncertainty),),
     )
 
