@@ -38,6 +38,7 @@ from proofmass.analytic.support import (
 )
 from proofmass.base.arrays import Array
 from proofmass.sim.accelerations import accelerations_with_friction, solve_accelerations
+from proofmass.sim.contact_laws import find_pairs, read_law, read_shape
 from proofmass.sim.contents import (
     active_connects,
     actuators_on,
@@ -55,12 +56,14 @@ from proofmass.sim.contents import (
 )
 from proofmass.sim.interpreter.mechanism import (
     DriveRows,
+    NeutralContact,
     NeutralGear,
     NeutralJoint,
     NeutralLink,
     NeutralLoad,
     NeutralLoop,
     NeutralMechanism,
+    NeutralShape,
     NeutralSpring,
 )
 from proofmass.sim.mjcf import compile_model
@@ -78,6 +81,8 @@ JOINT_KINDS = {
     JOINT.mjJNT_BALL: "ball",
     JOINT.mjJNT_FREE: "free",
 }
+Shapes = tuple[NeutralShape, ...]
+Pairs = tuple[NeutralContact, ...]
 COORDINATES = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
 """Rates of a joint by its kind."""
 ACTING = (
@@ -358,6 +363,29 @@ class ModelReader:
                 share = self.actuator_force(a)
                 yield NeutralLoad(link, at, force, moment, frame < 0, share, body, a)
 
+    def contacts(self, is_planar: bool) -> tuple[Shapes, Pairs]:
+        """The shapes that may touch, and the pairs of them; two planes never touch.
+
+        Raises
+        ------
+        Unsupported
+            A shape or a law has no counterpart in other engines, see `proofmass.sim.contact_laws`.
+        """
+        model = self.model
+        planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+        pairs = {p: k for p, k in find_pairs(model).items() if not planes[list(p)].all()}
+        numbers = {g: k for k, g in enumerate(sorted({g for pair in pairs for g in pair}))}
+        shapes = tuple(
+            read_shape(model, self.data, g, int(self.link_of[model.geom_bodyid[g]]))
+            for g in numbers
+        )
+        contacts = list[NeutralContact]()
+        for (g, h), pair in pairs.items():
+            law = read_law(model, g, h, pair, in_space=not is_planar)
+            ends = numbers[g], numbers[h]
+            contacts.append(NeutralContact(*ends, law.friction, law.restitution))
+        return shapes, tuple(contacts)
+
     def rod_loads(self) -> Iterator[NeutralLoad]:
         """The constant loads of rods."""
         for body, force in dead_loads(self.model, self.rods):
@@ -481,6 +509,7 @@ class NeutralReader(ModelReader):
             plane = np.stack([found.e1, found.e2, found.normal])
         except Unsupported:
             plane = np.zeros((0, 3))
+        shapes, contacts = self.contacts(bool(len(plane))) if forces else ((), ())
         return NeutralMechanism(
             tuple(self.links()),
             tuple(self.joints(forces)),
@@ -496,6 +525,8 @@ class NeutralReader(ModelReader):
             self.count,
             self.samples,
             rates_at,
+            shapes=shapes,
+            contacts=contacts,
         )
 
 

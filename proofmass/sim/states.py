@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from proofmass.analytic.numerics import unwrap_quaternions
 from proofmass.base.arrays import Array
 from proofmass.sim.balance import ForceBalance
+from proofmass.sim.contact_laws import find_pairs
 from proofmass.sim.contents import (
     find_channel,
     force_left_out,
@@ -52,6 +53,36 @@ JointMotion = tuple[Array, Array, Array]
 """Values, rates and accelerations along a run."""
 
 
+def solve_slides(
+    axes: list[tuple[Array, bool]], path: JointMotion, spin: Array, grows: Array
+) -> list[JointMotion]:
+    """Coordinates, rates and accelerations of slides from the path of a point (n, 3).
+
+    `axes` are directions (n, 3), and whether each turns with the child, whose angular velocity and
+    acceleration are `spin` and `grows` (n, 3), in the axes of the parent.
+    """
+    if not axes:
+        return []
+    still = np.zeros_like(spin)
+    first = [np.cross(spin, axis) if turns else still for axis, turns in axes]
+    second = [
+        np.cross(grows, axis) + np.cross(spin, slope) if turns else still
+        for (axis, turns), slope in zip(axes, first, strict=True)
+    ]
+    columns, slopes, bends = (
+        np.stack(part, axis=-1) for part in ([axis for axis, _ in axes], first, second)
+    )
+    inverse, (way, speed, change) = np.asarray(np.linalg.pinv(columns), float), path
+
+    def times(matrix: Array, vectors: Array) -> Array:
+        return np.asarray(np.einsum("nij,nj->ni", matrix, vectors))
+
+    value = times(inverse, way)
+    rate = times(inverse, speed - times(slopes, value))
+    acceleration = times(inverse, change - 2.0 * times(slopes, rate) - times(bends, value))
+    return list(zip(value.T, rate.T, acceleration.T, strict=True))
+
+
 @dataclass(frozen=True)
 class StateCurves:
     """The channels of a run from the states of its links.
@@ -92,28 +123,52 @@ class StateCurves:
         if s.coordinates.size and np.isfinite(s.coordinates[:2, :, j]).all():
             value, rate, acceleration = s.coordinates[:, :, j]
             return value, rate, acceleration
-        if len(self.mechanism.joints_of(one.child)) > 1:
+        row = self.mechanism.joints_of(one.child)
+        kinds = [self.mechanism.joints[k].kind for k in row]
+        if kinds.count("hinge") > 1 or {"ball", "free"} & set(kinds):
             raise Unsupported(f"joint {one.name!r}, one of several of its link: its coordinate")
-        a, b = one.parent, one.child
-        axis = s.turn[:, a] @ one.axis
-        if one.kind == "hinge":
-            turn = np.swapaxes(s.turn[:, a], -1, -2) @ s.turn[:, b]
-            skew = turn - np.swapaxes(turn, -1, -2)
-            sine = 0.5 * np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], -1) @ one.axis
-            cosine = 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0)
-            relative = s.omega[:, b] - s.omega[:, a], s.alpha[:, b] - s.alpha[:, a]
-            value = one.value + np.unwrap(np.arctan2(sine, cosine))
-            return value, (relative[0] * axis).sum(-1), (relative[1] * axis).sum(-1)
-        far, near = self.point(b, one.anchor), self.point(a, one.anchor)
+        value, rate, acceleration = self.row_motion(row)[row.index(j)]
+        return one.value + value, rate, acceleration
+
+    def row_motion(self, row: list[int]) -> list[JointMotion]:
+        """Coordinates since the start, rates and accelerations of slides and one hinge in a row.
+
+        In the axes of the parent a point of the child on the axis of the hinge has gone by a way
+        that is the sum of ``q a`` over the slides, whose directions a turn with the child if they
+        are behind the hinge.
+        """
+        mechanism, s = self.mechanism, self.states
+        joints = [mechanism.joints[j] for j in row]
+        a, b = joints[0].parent, joints[0].child
+        hinge = next((i for i, one in enumerate(joints) if one.kind == "hinge"), len(joints))
+        anchor = joints[min(hinge, len(joints) - 1)].anchor
+        into = np.swapaxes(s.turn[:, a], -1, -2)
+
+        def inside(vectors: Array) -> Array:
+            return np.asarray(np.einsum("nij,nj->ni", into, vectors))
+
+        far, near = self.point(b, anchor), self.point(a, anchor)
         gap, speed, change = (p - q for p, q in zip(far, near, strict=True))
         omega, alpha = s.omega[:, a], s.alpha[:, a]
-        turning = np.cross(omega, axis)
-        second = np.cross(alpha, axis) + np.cross(omega, turning)
-        return (
-            one.value + (gap * axis).sum(-1),
-            (speed * axis + gap * turning).sum(-1),
-            (change * axis + 2.0 * speed * turning + gap * second).sum(-1),
+        turn, spin = into @ s.turn[:, b], inside(s.omega[:, b] - omega)
+        grows = inside(s.alpha[:, b] - alpha - np.cross(omega, s.omega[:, b]))
+        speed = speed - np.cross(omega, gap)
+        drawn = np.cross(alpha, gap) + np.cross(omega, np.cross(omega, gap) + 2.0 * speed)
+        axes = [
+            (turn @ one.axis if i > hinge else np.tile(one.axis, (len(turn), 1)), i > hinge)
+            for i, one in enumerate(joints)
+            if one.kind == "slide"
+        ]
+        found = solve_slides(
+            axes, (inside(gap), inside(speed), inside(change - drawn)), spin, grows
         )
+        if hinge < len(joints):
+            axis = joints[hinge].axis
+            skew = turn - np.swapaxes(turn, -1, -2)
+            sine = 0.5 * np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], -1) @ axis
+            cosine = 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0)
+            found.insert(hinge, (np.unwrap(np.arctan2(sine, cosine)), spin @ axis, grows @ axis))
+        return found
 
     @cached_property
     def openings(self) -> Array:
@@ -350,6 +405,8 @@ class StateCurves:
         See `ForceBalance`.
         """
         reader = self.reader
+        if find_pairs(reader.model):
+            return "the forces of contacts are not told by the engine"
         stops = [j for j, one in enumerate(self.mechanism.joints) if one.limits]
         try:
             balance = ForceBalance(reader.model, reader.run.start, reader.driven, stops)

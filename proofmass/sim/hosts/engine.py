@@ -96,6 +96,8 @@ class HostedEngine(Engine):
         Whether it has stops at the ends of the ranges of joints.
     friction : bool
         Whether it has dry friction of hinges and slides, in time and at rest.
+    contacts : bool
+        Whether its script builds the shapes and contacts of a mechanism, in time.
     rests : bool
         Whether its script comes to rest where `NeutralMechanism.rest` asks for it, as all scripts
         do whose steps `record` makes and whose links have the forces of `link_forces`.
@@ -127,6 +129,7 @@ class HostedEngine(Engine):
         planar: bool = False,
         stops: bool = False,
         friction: bool = False,
+        contacts: bool = False,
         rests: bool = False,
         python: str = "",
         oldest: str = "",
@@ -139,7 +142,7 @@ class HostedEngine(Engine):
         self.script, self.requires = SCRIPTS / script, tuple(requires)
         self.title, self.about, self.python, self.oldest = title, about, python, oldest
         self.settings, self.planar, self.lacks = settings, planar, tuple(lacks)
-        self.stops, self.rests = stops, rests
+        self.stops, self.contacts, self.rests = stops, contacts, rests
         self.support = support_without(tuple(lacks), friction)  # type: ignore[misc]
 
     @property
@@ -188,7 +191,8 @@ class HostedEngine(Engine):
             if not self.stops and (name := rest.joint_on_stop()):
                 raise Unsupported(f"joint {name!r} rests on the end of its range")
             return rest, rest.mechanism()
-        reader = read_mechanism(model, replace(run, settings={}), self.support, step)
+        own_run = replace(run, settings={})
+        reader = read_mechanism(model, own_run, self.support, step, self.contacts)
         if self.planar:
             find_plane(reader.model, reader.data)
         middle = getattr(own, "reading", "") == "half step" and not defaults

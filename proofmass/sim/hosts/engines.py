@@ -110,6 +110,7 @@ PYMUNK = SteppedEngine(
     oldest="6.4.0",
     stops=True,
     friction=True,
+    contacts=True,
     rests=True,
 )
 PINOCCHIO = SteppedEngine(
@@ -175,6 +176,7 @@ BULLET = SteppedEngine(
     settings=IteratedSettings,
     stops=True,
     friction=True,
+    contacts=True,
     rests=True,
 )
 DART = SteppedEngine(
@@ -189,6 +191,7 @@ DART = SteppedEngine(
     settings=SteppedSettings,
     stops=True,
     friction=True,
+    contacts=True,
     rests=True,
 )
 BOX2D = SteppedEngine(
@@ -205,6 +208,7 @@ BOX2D = SteppedEngine(
     planar=True,
     stops=True,
     friction=True,
+    contacts=True,
     rests=True,
 )
 RAPIER = SteppedEngine(
@@ -219,6 +223,7 @@ RAPIER = SteppedEngine(
     ),
     settings=RapierSettings,
     friction=True,
+    contacts=True,
     rests=True,
 )
 NEWTON = HostedEngine(

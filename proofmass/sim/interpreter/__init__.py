@@ -9,8 +9,8 @@ It needs Python 3.9 and NumPy, and imports nothing of proofmass.  A script of an
     def simulate(mechanism: NeutralMechanism, settings: dict) -> LinkStates: ...
 """
 
-from .checks import Refused, Stopwatch, refuse_gears, refuse_rows
-from .geometry import frame_of_axis, in_space, matrix_of, turn_about
+from .checks import Refused, Stopwatch, free_rows, refuse_gears, refuse_rows
+from .geometry import angles_of, frame_of_axis, in_space, matrix_of, turn_about
 from .impulses import (
     armatures_with_rotors,
     drive_rates,
@@ -29,41 +29,63 @@ from .mechanism import (
     DriveRows,
     LinkStates,
     Mjcf,
+    NeutralContact,
     NeutralGear,
     NeutralJoint,
     NeutralLink,
     NeutralLoad,
     NeutralLoop,
     NeutralMechanism,
+    NeutralShape,
     NeutralSpring,
     WayToRest,
 )
+from .pair_values import (
+    OVERLAP_TIME,
+    contact_surfaces,
+    split_by_minimum,
+    split_by_product,
+    surface_of,
+)
+from .planar import SINGLE_ROUNDING, PlanarBodies, coupled_links, refuse_lost_inertia
 from .record import record, rows_at_samples
 from .rests import NoRest, come_to_rest
 from .runge_kutta import runge_kutta
+from .sections import planar_contacts
 from .serve import load_beside
 from .tree import TreeRow, in_time, joined_points, one_joint_each, tree_forces, tree_rows
+from .urdf import ground_urdf, tree_urdf
 
 __all__ = [
+    "OVERLAP_TIME",
+    "SINGLE_ROUNDING",
     "DriveRows",
     "LinkStates",
     "Mjcf",
+    "NeutralContact",
     "NeutralGear",
     "NeutralJoint",
     "NeutralLink",
     "NeutralLoad",
     "NeutralLoop",
     "NeutralMechanism",
+    "NeutralShape",
     "NeutralSpring",
     "NoRest",
+    "PlanarBodies",
     "Refused",
     "Stopwatch",
     "TreeRow",
     "WayToRest",
+    "angles_of",
     "armatures_with_rotors",
     "come_to_rest",
+    "contact_surfaces",
+    "coupled_links",
     "drive_rates",
     "frame_of_axis",
+    "free_rows",
+    "ground_urdf",
     "in_space",
     "in_time",
     "inertia_with_armature",
@@ -76,16 +98,22 @@ __all__ = [
     "matrix_of",
     "one_joint_each",
     "pivot_of",
+    "planar_contacts",
     "record",
     "refuse_gears",
+    "refuse_lost_inertia",
     "refuse_rows",
     "rows_at_samples",
     "runge_kutta",
     "slide_motion",
+    "split_by_minimum",
+    "split_by_product",
     "start_of_links",
     "start_openings",
     "start_velocity",
+    "surface_of",
     "tree_forces",
     "tree_rows",
+    "tree_urdf",
     "turn_about",
 ]

@@ -10,6 +10,8 @@ import numpy as np
 from .geometry import LinkMotion
 from .mechanism import NeutralMechanism
 
+LEAST_SINE = 1e-6
+"""Least sine of the angle between two slides that leave a link free in a plane."""
 LOST_SIZES = 1e3
 """Distance from the start, in sizes of the mechanism, beyond which a run is lost."""
 
@@ -35,11 +37,42 @@ def refuse_gears(mechanism: NeutralMechanism, engine: str) -> None:
         raise Refused(f"{engine} has no coupling of joints, such as gear {gear.name!r}")
 
 
-def refuse_rows(mechanism: NeutralMechanism) -> None:
-    """Raise `Refused` at a link that has not one joint but several."""
+def refuse_rows(mechanism: NeutralMechanism, free: set | None = None) -> None:
+    """Raise `Refused` at a link that has not one joint but several, unless all are `free`."""
     for k in range(1, len(mechanism.links)):
-        if len(mechanism.joints_of(k)) != 1:
+        own = mechanism.joints_of(k)
+        if len(own) != 1 and not set(own) <= (free or set()):
             raise Refused(f"link {mechanism.links[k].name!r} with several joints")
+
+
+def free_rows(mechanism: NeutralMechanism) -> set:
+    """Numbers of the joints in rows that leave a link free in its plane: two slides and a hinge.
+
+    An engine of bodies needs no constraint for them: the link is a free body in the plane.
+
+    Raises
+    ------
+    Refused
+        One of these joints has a drive or a force of its own.
+    """
+    found = set()
+    for k in range(1, len(mechanism.links)):
+        own = mechanism.joints_of(k)
+        row = [mechanism.joints[j] for j in own]
+        slides = [one.axis for one in row if one.kind == "slide"]
+        if sorted(one.kind for one in row) != ["hinge", "slide", "slide"]:
+            continue
+        if not (mechanism.is_planar and np.linalg.norm(np.cross(*slides)) > LEAST_SINE):
+            continue
+        for j, one in zip(own, row):
+            moved = one.is_sprung or one.damping or one.is_forced or one.friction or one.limits
+            if moved or mechanism.drive_of(j) or (one.armature and one.kind == "slide"):
+                raise Refused(
+                    f"joint {one.name!r} of a link that is free in its plane, which has a drive, a "
+                    "force, friction, a stop or an armature"
+                )
+        found |= set(own)
+    return found
 
 
 def check_motions(motions: list[LinkMotion]) -> None:

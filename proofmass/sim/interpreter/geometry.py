@@ -6,6 +6,8 @@ import numpy as np
 
 from .mechanism import NeutralMechanism, PlainArray
 
+LOCKED_COSINE = 1e-9
+"""Cosine of the second of three angles below which the first and the third are one rotation."""
 LinkMotion = tuple
 """Place (3,), rotation (3, 3), velocity (3,) and angular velocity (3,) of a link; engines with
 exact accelerations add the acceleration (3,) and the angular acceleration (3,)."""
@@ -32,6 +34,19 @@ def turn_about(axis: PlainArray, angle: float) -> PlainArray:
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+def angles_of(turn: PlainArray) -> PlainArray:
+    """Angles (3,) about the fixed axes x, y and z, in this order, of a rotation matrix [rad].
+
+    >>> angles_of(turn_about(np.array([0.0, 0.0, 1.0]), 0.5)).round(12).tolist()
+    [0.0, -0.0, 0.5]
+    """
+    pitch = np.arctan2(-turn[2, 0], np.hypot(turn[0, 0], turn[1, 0]))
+    if np.hypot(turn[0, 0], turn[1, 0]) < LOCKED_COSINE:
+        return np.array([np.arctan2(-turn[1, 2], turn[1, 1]), pitch, 0.0])
+    roll, yaw = np.arctan2(turn[2, 1], turn[2, 2]), np.arctan2(turn[1, 0], turn[0, 0])
+    return np.array([roll, pitch, yaw])
 
 
 def frame_of_axis(axis: PlainArray) -> PlainArray:

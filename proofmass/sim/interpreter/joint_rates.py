@@ -59,13 +59,15 @@ def follow_joints(mechanism: NeutralMechanism, states: LinkStates) -> None:
 
     An engine in coordinates of joints has rates in the middle of steps, and gives velocities of
     links with these rates at the poses at the ends of steps.  Their mean is of first order; that of
-    the rates, at the pose of the sample, is of second order.  Free links and those on balls keep
-    their angular velocities.
+    the rates, at the pose of the sample, is of second order.  Free links, and those
+    whose joints have no coordinates (NaN), keep their velocities, and those on balls their angular
+    velocities.
     """
     for k in range(1, len(mechanism.links)):
         own = mechanism.joints_of(k)
         kinds = [mechanism.joints[j].kind for j in own]
-        if "free" in kinds or ("ball" in kinds and len(kinds) > 1):
+        unknown = np.isnan(states.coordinates[0][:, own]).any()
+        if unknown or "free" in kinds or ("ball" in kinds and len(kinds) > 1):
             continue
         row = RowOfJoints(mechanism, states, mechanism.joints[own[0]].parent)
         for j in own:

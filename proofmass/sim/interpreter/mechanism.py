@@ -247,6 +247,48 @@ class NeutralLoad:
 
 
 @dataclass(frozen=True)
+class NeutralShape:
+    """A shape of a link that may touch others.
+
+    Attributes
+    ----------
+    name : str
+        Its kind and its name in the MJCF.
+    kind : {"sphere", "box", "capsule", "cylinder", "plane"}
+        A plane is the surface of a half space, whose outer side is that of the third axis.
+    link : int
+    place : ndarray (3,)
+        Its middle [m]; a point of the surface of a half space.
+    axes : ndarray (3, 3)
+        Its axes in columns; that of a capsule or cylinder is the third one.
+    size : ndarray (3,)
+        Radius of a sphere, half sides of a box, radius and half length of a capsule, without its
+        ends, or cylinder [m]; the rest has no meaning.
+    """
+
+    name: str
+    kind: str
+    link: int
+    place: PlainArray
+    axes: PlainArray
+    size: PlainArray
+
+
+@dataclass(frozen=True)
+class NeutralContact:
+    """Two shapes that may touch, by their numbers, the smaller first.
+
+    `friction` is Coulomb's coefficient, `restitution` the normal speed after an impact over that
+    before it [1].
+    """
+
+    one: int
+    two: int
+    friction: float
+    restitution: float
+
+
+@dataclass(frozen=True)
 class DriveRows:
     """The prescribed motion of a joint: at the beginning and in the middle of each step.
 
@@ -379,6 +421,10 @@ class NeutralMechanism:
         Only for hosts that ask for it.
     rest : WayToRest, optional
         Of runs that come to rest at each sample; None for runs in time.
+    shapes : tuple of NeutralShape
+        Those that touch others.
+    contacts : tuple of NeutralContact
+        All pairs of shapes that may touch; others pass through each other.
     """
 
     links: tuple
@@ -397,6 +443,8 @@ class NeutralMechanism:
     rates_at: float = 0.0
     mjcf: Any = None
     rest: Any = None
+    shapes: tuple = ()
+    contacts: tuple = ()
 
     @property
     def is_planar(self) -> bool:

@@ -3,7 +3,6 @@
 The engine of the quick tests is pymunk by the script of other interpreters, in this interpreter.
 """
 
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,30 +16,17 @@ from proofmass.run.sidecar import load_case
 from proofmass.run.solve import prescribed_run
 from proofmass.sim.balance import ForceBalance
 from proofmass.sim.engines import engine_of
-from proofmass.sim.hosts.engine import About, HostedEngine
-from proofmass.sim.hosts.engines import PYMUNK
+from proofmass.sim.hosts.engine import HostedEngine
 from proofmass.sim.interpreter.mechanism import WayToRest
 from proofmass.sim.interpreter.rests import CALM_CHECKS, NoRest, come_to_rest
 from proofmass.sim.protocol.failures import Diverged, Unsupported
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.resting import FASTEST_PHASE, MAX_FALL, RestReader, read_rest
 from proofmass.verdict.compare import compare
+from tests.engines import PYMUNK_HERE as HERE
 from tests.engines import why_not_there
 from tests.shipped import shipped, shipped_case
 
-HERE = HostedEngine(
-    "pymunk_plain.py",
-    tuple(f"{name}=={version}" for name, version in (("pymunk", PYMUNK.version),)),
-    title="pymunk",
-    about=About("as shipped", "MIT"),
-    settings=PYMUNK.settings,
-    lacks=PYMUNK.lacks,
-    planar=True,
-    stops=True,
-    friction=True,
-    rests=True,
-    python=sys.executable,
-)
 AT_REST = 1e-9
 """Error over the range of a rest: the speed at which the engine counts as at rest lets the pose
 change by 1e-11 of the size; the slowest of these mechanisms turn such a way into ten times as much,

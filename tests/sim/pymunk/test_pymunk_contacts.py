@@ -6,10 +6,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from proofmass.analytic.contacts import bouncing_ball, restitution, rolling_ball, sliding_block
+from proofmass.sim.contact_laws import find_pairs
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.protocol.run import Drive, Run
-from proofmass.sim.pymunk.contacts import find_pairs
 from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.model import read_links

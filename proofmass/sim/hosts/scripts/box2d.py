@@ -21,22 +21,36 @@ BOX2D_ITERATIONS = 8, 3
 """Iterations for velocities and positions that Box2D's manual names."""
 MOTOR_LIMIT = 1e9
 """Largest moment or force of a drive [N m or N]."""
+UNITS_WITH_CONTACTS = 100.0
+"""Size of a mechanism with contacts in units of the world.  Box2D lets shapes overlap by 5 mm and
+bounce from 1 m/s on, constants that a large unit of length makes small."""
+PLANE_REACH = 20.0
+"""Half length of the box that stands for a half plane, in sizes of the mechanism: more of them cost
+digits, and a link that is beyond is lost."""
+SHORTENED = 1.0 - 1e-4
+"""Share of the longest way in a step at which Box2D has shortened it, in single precision."""
 CATCH_UP = 0.1
 """Share of what a drive is behind that it makes up for in a step.  With all of it the motors of two
 drives and Box2D's closing of joints drive each other apart near a singular pose."""
 
 
-class Box2dWorld:
+class Box2dWorld(host.PlanarBodies):
     """A mechanism in a world of Box2D: `bodies` of the links and `joints`."""
 
     def __init__(self, mechanism, settings):
-        self.mechanism, defaults = mechanism, settings["defaults"]
+        free, defaults = host.free_rows(mechanism), settings["defaults"]
+        tuned = mechanism.contacts and not defaults
+        super().__init__(mechanism, UNITS_WITH_CONTACTS / mechanism.size if tuned else 1.0)
         self.iterations = BOX2D_ITERATIONS if defaults else (settings["iterations"],) * 2
         self.world = box2d.b2World(gravity=self.flat(mechanism.gravity), doSleep=defaults)
-        self.bodies = [self.world.CreateStaticBody()]
+        self.world.continuousPhysics = defaults
+        self.bodies, self.masses = [self.world.CreateStaticBody()], {}
         for k in range(1, len(mechanism.links)):
             self.add_link(k, defaults)
-        self.joints = [self.add_joint(j) for j in range(len(mechanism.joints))]
+        self.add_contacts(defaults)
+        self.joints = [
+            None if j in free else self.add_joint(j) for j in range(len(mechanism.joints))
+        ]
         for loop in mechanism.loops:
             ends = self.local(loop.a, loop.on_a), self.local(loop.b, loop.on_b)
             self.pin(self.bodies[loop.a], self.bodies[loop.b], *ends)
@@ -46,36 +60,52 @@ class Box2dWorld:
             ends = {"bodyA": one.bodyB, "bodyB": two.bodyB, "joint1": one, "joint2": two}
             self.world.CreateGearJoint(**ends, ratio=ratio)
 
-    def flat(self, vector):
-        """Components of a vector in the plane."""
-        x, y = self.mechanism.flat(vector)
-        return float(x), float(y)
-
-    def local(self, k, at):
-        """A point of a link, given in the start pose, in the coordinates of its body."""
-        return self.flat(at - self.mechanism.links[k].centre)
-
-    def sense(self, j):
-        """1 if a joint has the sense of Box2D's coordinate, otherwise -1."""
-        return self.mechanism.turn_of(j) if self.mechanism.joints[j].kind == "hinge" else 1.0
-
     def add_link(self, k, may_sleep):
         """Add the body of a link."""
         link, normal = self.mechanism.links[k], self.mechanism.plane[2]
         moment = float(normal @ host.inertia_with_armature(self.mechanism, k) @ normal)
-        refuse_lost_inertia(self.mechanism, k, moment)
+        host.refuse_lost_inertia(self.mechanism, k, host.SINGLE_ROUNDING, moment)
         body = self.world.CreateDynamicBody(
             position=self.flat(link.centre),
             linearVelocity=self.flat(link.velocity),
             angularVelocity=float(link.omega @ normal),
             allowSleep=may_sleep,
         )
-        body.massData = box2d.b2MassData(mass=link.mass, center=(0.0, 0.0), I=moment)
         self.bodies.append(body)
+        self.masses[body] = box2d.b2MassData(
+            mass=link.mass, center=(0.0, 0.0), I=self.scale**2 * moment
+        )
+        body.massData = self.masses[body]
+
+    def add_contacts(self, defaults):
+        """Add the sections of shapes, and a listener that gives each pair its law."""
+        sections, laws = host.planar_contacts(self.mechanism)
+        for k, one in sections.items():
+            body, points = self.bodies[one.link], (self.scale * one.points).tolist()
+            if len(points) == 2:
+                points = (self.scale * one.surface(PLANE_REACH * self.mechanism.size)).tolist()
+            if len(points) == 1:
+                shape = box2d.b2CircleShape(radius=self.scale * one.radius, pos=points[0])
+            else:
+                shape = box2d.b2PolygonShape(vertices=points)
+                shape.radius = shape.radius if defaults else 0.0
+            body.CreateFixture(shape=shape, density=0.0, userData=k)
+            if one.link:
+                body.massData = self.masses[body]
+
+        class Laws(box2d.b2ContactListener):
+            def PreSolve(self, contact, _):
+                ends = contact.fixtureA.userData, contact.fixtureB.userData
+                law = laws.get(tuple(sorted(ends)))
+                contact.enabled = law is not None
+                if law:
+                    contact.friction, contact.restitution = law.friction, law.restitution
+
+        self.world.contactListener = self.laws = Laws()
 
     def pin(self, a, b, on_a, on_b):
         """Join points of two bodies."""
-        ends = {"localAnchorA": on_a, "localAnchorB": on_b}
+        ends = {"localAnchorA": on_a, "localAnchorB": on_b, "collideConnected": True}
         return self.world.CreateRevoluteJoint(bodyA=a, bodyB=b, **ends)
 
     def add_joint(self, j):
@@ -86,14 +116,15 @@ class Box2dWorld:
         if joint.kind == "hinge":
             ends = (self.local(k, joint.anchor) for k in (joint.parent, joint.child))
             made = self.pin(*pair, *ends)
-            made.maxMotorTorque = limit
+            made.maxMotorTorque = self.scale**2 * limit
         else:
             place = {"anchor": self.flat(joint.anchor), "axis": self.flat(joint.axis)}
+            place |= {"collideConnected": True}
             made = self.world.CreatePrismaticJoint(bodyA=pair[0], bodyB=pair[1], **place)
-            made.maxMotorForce = limit
+            made.maxMotorForce = self.scale * limit
         made.motorEnabled = limit > 0.0
         if joint.limits:
-            made.limits = sorted((self.sense(j) * joint.ends).tolist())
+            made.limits = sorted((self.unit(j) * joint.ends).tolist())
             made.limitEnabled = True
         return made
 
@@ -105,44 +136,36 @@ class Box2dWorld:
             now, later = drive.value[2 * i], drive.value[2 * (i + 1)]
             behind = now - mechanism.joints[j].value - self.joint(j)[0]
             way = later - now + CATCH_UP * behind
-            self.joints[j].motorSpeed = float(self.sense(j) * way / mechanism.step)
+            self.joints[j].motorSpeed = float(self.unit(j) * way / mechanism.step)
         for k, place, force, moment in host.link_forces(mechanism, i, self.read, self.joint):
             self.bodies[k].ApplyForce(self.flat(force), self.flat(place), True)
-            self.bodies[k].ApplyTorque(float(moment @ mechanism.plane[2]), True)
+            moment = float(self.scale**2 * moment @ mechanism.plane[2])
+            self.bodies[k].ApplyTorque(moment, True)
         self.world.Step(mechanism.step, *self.iterations)
+        speed = max(body.linearVelocity.length for body in self.bodies)
+        if speed * mechanism.step > SHORTENED * box2d.b2_maxTranslation:
+            raise host.Refused("steps in which a link goes by more than Box2D's 2 units of length")
 
     def read(self, k):
         """The motion of a link."""
         body = self.bodies[k]
-        rates = np.array([*body.linearVelocity, body.angularVelocity])
-        return host.in_space(self.mechanism, k, np.array(body.worldCenter), body.angle, rates)
+        rates = np.array([*body.linearVelocity / self.scale, body.angularVelocity])
+        place = np.array(body.worldCenter) / self.scale
+        if self.mechanism.contacts and np.abs(place).max() > PLANE_REACH * self.mechanism.size:
+            place = place * np.nan
+        return host.in_space(self.mechanism, k, place, body.angle, rates)
 
     def joint(self, j):
         """Coordinate and rate of a hinge or slide."""
-        made, sense = self.joints[j], self.sense(j)
+        made, unit = self.joints[j], self.unit(j)
+        if made is None:
+            return np.nan, np.nan
         hinge = self.mechanism.joints[j].kind == "hinge"
-        return sense * (made.angle if hinge else made.translation), sense * made.speed
-
-
-def refuse_lost_inertia(mechanism, k, moment):
-    """Refuse a link whose inertia is lost beside its mass at an anchor, in single precision.
-
-    A joint adds 1 / mass and arm^2 / inertia, and the first is lost if it is too small.
-    """
-    link = mechanism.links[k]
-    ends = [one.anchor for one in mechanism.joints if k in (one.parent, one.child)]
-    ends += [one.on_a for one in mechanism.loops if one.a == k]
-    ends += [one.on_b for one in mechanism.loops if one.b == k]
-    lever = max(np.linalg.norm(mechanism.flat(one - link.centre)) for one in ends)
-    if moment < np.finfo(np.float32).eps * link.mass * lever**2:
-        raise host.Refused(
-            f"link {link.name!r} with an inertia of {moment:.3g} kg m2, that single precision does "
-            f"not carry beside the {link.mass * lever**2:.3g} kg m2 of its mass at a joint"
-        )
+        return (made.angle if hinge else made.translation) / unit, made.speed / unit
 
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the world through the run."""
-    host.refuse_rows(mechanism)
+    host.refuse_rows(mechanism, host.free_rows(mechanism))
     world = Box2dWorld(mechanism, settings)
     return host.record(mechanism, world.step, world.read, world.joint)

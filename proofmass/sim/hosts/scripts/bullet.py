@@ -15,41 +15,16 @@ import pybullet as bullet
 
 VERSIONS = {"pybullet": version("pybullet"), "numpy": np.__version__}
 ERROR_REDUCTION, NO_LIMIT = 1.0, 1e12  # a step closes all of an opening, unless by default
-KINDS = {"hinge": "continuous", "slide": "prismatic", "ball": "spherical"}
-LINK = """<link name="{name}"><inertial><origin xyz="{at[0]} {at[1]} {at[2]}"/>
-<mass value="{mass}"/><inertia ixx="{0[0]}" ixy="{0[1]}" ixz="{0[2]}" iyy="{1[1]}" iyz="{1[2]}"
-izz="{2[2]}"/></inertial></link>"""
-JOINT = """<joint name="joint{j}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
-<origin xyz="{at[0]} {at[1]} {at[2]}"/><axis xyz="{axis[0]} {axis[1]} {axis[2]}"/>
-<limit lower="{ends[0]}" upper="{ends[1]}" effort="0" velocity="0"/></joint>"""
+SELF = bullet.URDF_USE_SELF_COLLISION | bullet.URDF_USE_SELF_COLLISION_INCLUDE_PARENT
+SPACE_REACH = (
+    100.0  # half side of the box for a half space, in sizes: a plane touches corner by corner
+)
 NEAR_STOP, STOP_WAY = 1e-9, 1e-15  # distance of a joint on its stop, and its way there in a step
-NO_ENDS = 1.0, -1.0  # Bullet's words for a joint without a range
 
 
 def matrix(quaternion):
     """The rotation matrix of a quaternion of Bullet (x, y, z, w)."""
     return host.matrix_of(np.roll(quaternion, 1))
-
-
-def tree_text(mechanism, root):
-    """URDF of the tree on a link; the frames of the others are at their joints."""
-    base, ends = mechanism.links[root], {root: (f"link{root}", mechanism.links[root].centre)}
-    lines = [LINK.format(*base.inertia, name=ends[root][0], at=np.zeros(3), mass=base.mass)]
-    for j, one in enumerate(mechanism.joints):
-        if one.kind == "free" or one.parent not in ends:
-            continue
-        k, link, own = one.child, mechanism.links[one.child], mechanism.joints_of(one.child)
-        last = j == own[-1]  # the others of a row have links without mass
-        parent, origin = ends[one.parent if j == own[0] else k]
-        child = f"link{k}" if last else f"row{j}"
-        kind = "revolute" if one.limits and one.kind == "hinge" else KINDS[one.kind]
-        what = {"kind": kind, "ends": one.ends if one.limits else NO_ENDS, "axis": one.axis}
-        what |= {"parent": parent, "child": child}
-        lines.append(JOINT.format(j=j, at=one.anchor - origin, **what))
-        what = {"name": child, "at": link.centre - one.anchor, "mass": last * link.mass}
-        lines.append(LINK.format(*last * link.inertia, **what))
-        ends[k] = child, one.anchor
-    return "\n".join(['<robot name="tree">', *lines, "</robot>"])
 
 
 class BulletTrees:
@@ -62,6 +37,8 @@ class BulletTrees:
         for root in [0, *(one.child for one in mechanism.joints if one.kind == "free")]:
             self.load_tree(root, settings["defaults"])
         self.places[0] = -1, -1  # not the base, which Bullet does not take in constraints
+        if mechanism.contacts:
+            self.add_contacts(settings["defaults"])
         if not settings["defaults"]:
             own = {"solverResidualThreshold": 0.0, "erp": ERROR_REDUCTION, "useSplitImpulse": 0}
             bullet.setPhysicsEngineParameter(numSolverIterations=settings["iterations"], **own)
@@ -75,14 +52,45 @@ class BulletTrees:
         for j, motion in enumerate(host.start_openings(mechanism, ERROR_REDUCTION)):
             self.start(j, motion)
 
+    def add_contacts(self, defaults):
+        """Let the pairs of links and shapes of the ground touch, with the law of each."""
+        by_product = host.split_by_product
+        found = host.contact_surfaces(self.mechanism, by_product, by_product)
+        reach = SPACE_REACH * self.mechanism.size
+        places = {k: place for k, place in self.places.items() if k}
+        for k, one in enumerate(self.mechanism.shapes):
+            if not one.link:
+                turn = bullet.getQuaternionFromEuler(host.angles_of(one.axes))
+                where = {"basePosition": one.place, "baseOrientation": turn}
+                places[one.name] = (
+                    self.load(f"ground{k}", host.ground_urdf(one, reach), **where),
+                    -1,
+                )
+        for place in places.values():
+            bullet.setCollisionFilterGroupMask(*place, 0, 0)
+        for (a, i), (b, j) in ((places[one], places[two]) for one, two in found.pairs):
+            bullet.setCollisionFilterPair(a, b, i, j, 1)
+        for name, friction in found.frictions.items():
+            own = {"lateralFriction": friction, "restitution": found.restitutions[name]}
+            own |= {"rollingFriction": 0.0, "spinningFriction": 0.0}
+            own |= {} if defaults else {"contactProcessingThreshold": 0.0}
+            bullet.changeDynamics(*places[name], **own)
+        if not defaults:
+            own = {"contactERP": self.mechanism.step / host.OVERLAP_TIME}
+            bullet.setPhysicsEngineParameter(restitutionVelocityThreshold=0.0, **own)
+
+    def load(self, name, text, fixed=True, **where):
+        """Load a robot from its text."""
+        flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_MAINTAIN_LINK_ORDER | SELF
+        path = f"{name}.urdf"  # Bullet keeps a file that it has read by its name
+        with open(path, "w") as file:
+            file.write(text)
+        return bullet.loadURDF(path, flags=flags, useFixedBase=fixed, **where)
+
     def load_tree(self, root, damped):
         """Load the tree on a link."""
-        flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_MAINTAIN_LINK_ORDER
-        path = f"tree{root}.urdf"  # Bullet keeps a file that it has read by its name
-        with open(path, "w") as file:
-            file.write(tree_text(self.mechanism, root))
-        where = {"basePosition": self.mechanism.links[root].centre, "useFixedBase": root == 0}
-        body = bullet.loadURDF(path, flags=flags, **where)
+        where = {"basePosition": self.mechanism.links[root].centre}
+        body = self.load(f"tree{root}", host.tree_urdf(self.mechanism, root), root == 0, **where)
         self.places[root] = body, -1
         own = {} if damped else {"linearDamping": 0.0, "angularDamping": 0.0}
         bullet.changeDynamics(body, -1, maxJointVelocity=NO_LIMIT, **own)

@@ -9,6 +9,8 @@ In the half-step reading these rates are half a step old.  Dampers and Coriolis 
 takes at them too, are then of first order in the step, and all else is of second order.
 """
 
+import itertools
+
 import dartpy as dart
 import numpy as np
 import proofmass_host as host
@@ -19,6 +21,13 @@ ERROR_REDUCTIONS = {True: LOOP.getErrorReductionParameter(), False: 1.0}
 """Share of the opening of a loop that a step closes: by the engine's defaults, or else."""
 VELOCITY = dart.dynamics.ActuatorType.VELOCITY
 MAKERS = {"hinge": "Revolute", "slide": "Prismatic", "ball": "Ball", "free": "Free"}
+SHAPES = {
+    "plane": lambda _: dart.dynamics.PlaneShape(np.array([0.0, 0.0, 1.0]), 0.0),
+    "sphere": lambda size: dart.dynamics.SphereShape(size[0]),
+    "box": lambda size: dart.dynamics.BoxShape(2.0 * size),
+    "capsule": lambda size: dart.dynamics.CapsuleShape(size[0], 2.0 * size[1]),
+    "cylinder": lambda size: dart.dynamics.CylinderShape(size[0], 2.0 * size[1]),
+}
 SINGLE = "hinge", "slide"
 
 
@@ -38,6 +47,8 @@ class DartTree:
         for k in range(1, len(mechanism.links)):
             self.add_link(k)
         self.world.addSkeleton(self.skeleton)
+        if mechanism.contacts:
+            self.add_contacts(defaults)
         if hasattr(self.world, "getDeactivationOptions"):  # from 6.19 on slow skeletons sleep
             options = self.world.getDeactivationOptions()
             options.mEnabled = defaults
@@ -50,6 +61,35 @@ class DartTree:
         for made, joint, motion in zip(self.joints, mechanism.joints, openings):
             one = [motion.sum(axis=0) @ joint.axis]
             made.setPositions(one if joint.kind in SINGLE else motion.ravel()[: made.getNumDofs()])
+
+    def add_contacts(self, defaults):
+        """Add the shapes, let their pairs alone touch, and give each its law."""
+        rules, bodies = (host.split_by_minimum, host.split_by_product), {}
+        found = host.contact_surfaces(self.mechanism, *rules)
+        self.skeleton.enableSelfCollisionCheck()
+        self.skeleton.enableAdjacentBodyCheck()
+        for one in self.mechanism.shapes:
+            node, name, place = self.nodes[one.link], host.surface_of(one), dart.math.Isometry3()
+            if not one.link:
+                ground = dart.dynamics.Skeleton(one.name)
+                node = ground.createWeldJointAndBodyNodePair()[1]
+                self.world.addSkeleton(ground)
+            place.set_translation(one.place - self.origins[one.link])
+            place.set_rotation(one.axes)
+            made, bodies[name] = node.createShapeNode(SHAPES[one.kind](one.size)), node
+            made.setRelativeTransform(place)
+            made.createCollisionAspect()
+            law = made.createDynamicsAspect()
+            law.setFrictionCoeff(found.frictions[name])
+            law.setRestitutionCoeff(found.restitutions[name])
+        self.filter = dart.collision.BodyNodeCollisionFilter()
+        for a, b in itertools.combinations(bodies, 2):
+            if not found.touch(a, b):
+                self.filter.addBodyNodePairToBlackList(bodies[a], bodies[b])
+        solver = self.world.getConstraintSolver()
+        if not defaults:
+            solver.setCollisionDetector(dart.collision.OdeCollisionDetector())
+        solver.getCollisionOption().collisionFilter = self.filter
 
     def add_link(self, k):
         """Add a link with its joints."""

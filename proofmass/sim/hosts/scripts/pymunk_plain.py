@@ -23,22 +23,26 @@ joint beyond it, so that a joint is put back to this distance beyond its stop.""
 NO_CORRECTION = 1e-30
 """Way by which a stop puts a joint back that is where it should be [rad or m]; without any way it
 would not act."""
+OVERLAP_LEFT = 1e-6
+"""Overlap of shapes that is not corrected [m], so that what rests stays in contact."""
 GROOVE_SIZES = 100.0
 """Half length of the groove of a slide, in sizes of the mechanism."""
 
 
-class PlainSpace:
+class PlainSpace(host.PlanarBodies):
     """A mechanism in a space of Chipmunk; `bodies` are those of the links."""
 
     def __init__(self, mechanism, settings):
-        self.mechanism, self.space, defaults = mechanism, pymunk.Space(), settings["defaults"]
+        super().__init__(mechanism)
+        self.space, defaults = pymunk.Space(), settings["defaults"]
         self.bodies, self.stops = [self.space.static_body], {}
         self.space.gravity = self.flat(mechanism.gravity)
         self.space.iterations = CHIPMUNK_ITERATIONS if defaults else settings["iterations"]
         for k, start in enumerate(zip(*host.start_of_links(mechanism))):
             if k:
                 self.add_link(k, *start)
-        made = [one for j in range(len(mechanism.joints)) for one in self.joint_constraints(j)]
+        held = [j for j in range(len(mechanism.joints)) if j not in host.free_rows(mechanism)]
+        made = [one for j in held for one in self.joint_constraints(j)]
         made += [self.pivot(one.a, one.b, one.on_a, one.on_b) for one in mechanism.loops]
         made += [self.gear(one) for one in mechanism.gears]
         self.drives = [self.driver(one.joint) for one in mechanism.drives]
@@ -46,15 +50,7 @@ class PlainSpace:
             one.error_bias = 0.0
         rubbing = [j for j in mechanism.singles if mechanism.friction_of(j)]
         self.space.add(*made, *self.drives, *map(self.friction, rubbing))
-
-    def flat(self, vector):
-        """Components of a vector in the plane."""
-        x, y = self.mechanism.flat(vector)
-        return float(x), float(y)
-
-    def local(self, k, at):
-        """A point of a link, given in the start pose, in the coordinates of its body."""
-        return self.flat(at - self.mechanism.links[k].centre)
+        self.add_contacts(defaults)
 
     def add_link(self, k, place, turn, velocity):
         """Add the body of a link, a step before its start."""
@@ -113,15 +109,8 @@ class PlainSpace:
 
     def gear(self, gear):
         """Couple two hinges, if that is a coupling of two links."""
-        shares, joints = np.zeros(len(self.bodies)), self.mechanism.joints
-        for j, share in ((gear.one, 1.0), (gear.two, -gear.ratio)):
-            shares[joints[j].child] += share * self.mechanism.turn_of(j)
-            shares[joints[j].parent] -= share * self.mechanism.turn_of(j)
-        pair = np.flatnonzero(shares[1:]) + 1
-        if len(pair) != 2 or "slide" in (joints[gear.one].kind, joints[gear.two].kind):
-            raise host.Refused(f"gear {gear.name!r}, which couples other than two links")
-        ratio = float(-shares[pair[1]] / shares[pair[0]])
-        return pymunk.GearJoint(*(self.bodies[k] for k in pair), 0.0, ratio)
+        a, b, ratio = host.coupled_links(self.mechanism, gear)
+        return pymunk.GearJoint(self.bodies[a], self.bodies[b], 0.0, ratio)
 
     def driver(self, j):
         """The constraint of a drive, with its target at the start."""
@@ -130,6 +119,34 @@ class PlainSpace:
         made = self.groove(j, along=False)
         made.start = made.groove_a, made.groove_b
         return made
+
+    def add_contacts(self, defaults):
+        """Add the sections of shapes, and a handler that gives each pair its law."""
+        (sections, laws), numbers, space = host.planar_contacts(self.mechanism), {}, self.space
+        for k, one in sections.items():
+            body, points = self.bodies[one.link], one.points.tolist()
+            if len(points) > 2:
+                shape = pymunk.Poly(body, points)
+            elif len(points) == 2:
+                shape = pymunk.Segment(body, *points, one.radius)
+            else:
+                shape = pymunk.Circle(body, one.radius, *points)
+            numbers[shape] = k
+            space.add(shape)
+
+        def meet(arbiter, *_):
+            law = laws.get(tuple(sorted(numbers[one] for one in arbiter.shapes)))
+            if law:
+                arbiter.friction, arbiter.restitution = law.friction, law.restitution
+            arbiter.process_collision = law is not None  # from pymunk 7 on
+            return law is not None
+
+        if not defaults:
+            space.collision_slop = OVERLAP_LEFT
+        if hasattr(space, "on_collision"):
+            space.on_collision(pre_solve=meet)
+        else:
+            space.add_default_collision_handler().pre_solve = meet
 
     def friction(self, j):
         """The dry friction of a joint, which corrects no deviation."""
@@ -179,6 +196,6 @@ class PlainSpace:
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the space through the run."""
-    host.refuse_rows(mechanism)
+    host.refuse_rows(mechanism, host.free_rows(mechanism))
     space = PlainSpace(mechanism, settings)
     return host.record(mechanism, space.step, space.read)

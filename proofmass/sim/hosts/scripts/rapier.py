@@ -24,6 +24,15 @@ LARGEST_RATIO = 1e6
 """Largest ratio of the inertias that a joint in space binds: with 2e5 the default iterations leave
 1 % of a Hooke's joint open, with 2e7 all of it."""
 BUILDERS = {"hinge": rapier.RevoluteJointBuilder, "slide": rapier.PrismaticJointBuilder}
+COLLIDERS = {
+    "plane": lambda *_: rapier.Collider.halfspace((0.0, 0.0, 1.0)),
+    "sphere": lambda radius, *_: rapier.Collider.ball(radius),
+    "box": rapier.Collider.cuboid,
+    "capsule": lambda radius, half, _: rapier.Collider.capsule_z(half, radius),
+    "cylinder": lambda radius, half, _: rapier.Collider.cylinder(half, radius),
+}
+RIGID_RATIO = 1e5
+"""Damping ratio of contacts, with which they give way by no speed but close an overlap slowly."""
 AXES = {"hinge": rapier.JointAxis.ANG_X, "slide": rapier.JointAxis.LIN_X}
 
 
@@ -44,7 +53,14 @@ class RapierWorld:
         for k, start in enumerate(zip(*host.start_of_links(mechanism))):
             if k:
                 self.add_link(k, moments[k], *start)
-        self.joints = [self.add_joint(j, moments) for j in range(len(mechanism.joints))]
+        free = host.free_rows(mechanism)
+        self.joints = [
+            None if j in free else self.add_joint(j, moments) for j in range(len(mechanism.joints))
+        ]
+        for k in {mechanism.joints[j].child for j in free}:
+            self.keep_in_plane(k)
+        if mechanism.contacts:
+            self.add_contacts()
         self.joint = host.joint_reader(mechanism, self.read)
         for loop in mechanism.loops:
             ends = (loop.a, loop.on_a), (loop.b, loop.on_b)
@@ -64,13 +80,7 @@ class RapierWorld:
     def add_link(self, k, moments, place, turn, velocity):
         """Add the body of a link."""
         link, (values, axes) = self.mechanism.links[k], moments
-        ends = [one.anchor for one in self.mechanism.joints if k in (one.parent, one.child)]
-        arm = max(np.linalg.norm(end - link.centre) for end in ends)
-        if values[0] < LEAST_INERTIA * link.mass * arm**2:
-            raise host.Refused(
-                f"link {link.name!r} with an inertia of {values[0]:.3g} kg m2, that single "
-                f"precision does not carry beside the {link.mass * arm**2:.3g} kg m2 of its mass"
-            )
+        host.refuse_lost_inertia(self.mechanism, k, LEAST_INERTIA, values[0])
         frame = rapier.Rotation3.face_toward(tuple(axes[:, 2]), tuple(axes[:, 1]))
         mass = rapier.MassProperties((0.0, 0.0, 0.0), link.mass, tuple(values), frame)
         body = rapier.RigidBodyBuilder(rapier.RigidBodyType.DYNAMIC).translation(tuple(place))
@@ -110,6 +120,50 @@ class RapierWorld:
         ends = (one.parent, one.anchor), (one.child, one.anchor)
         return None if one.kind == "free" else self.insert(made, *ends)
 
+    def keep_in_plane(self, k):
+        """Keep a link in the plane of motion, in which it is free."""
+        axes, normal = rapier.JointAxesMask, tuple(self.mechanism.plane[2])
+        made = rapier.GenericJointBuilder(axes.LIN_X | axes.ANG_Y | axes.ANG_Z)
+        made = made.local_axis1(normal).local_axis2(normal)
+        centre = self.mechanism.links[k].centre
+        self.insert(made, (0, centre), (k, centre))
+
+    def add_contacts(self):
+        """Add the shapes, with hooks that give each pair its law."""
+        laws = {(pair.one, pair.two): pair for pair in self.mechanism.contacts}
+        hooks = rapier.ActiveHooks.FILTER_CONTACT_PAIRS | rapier.ActiveHooks.MODIFY_SOLVER_CONTACTS
+        for k, one in enumerate(self.mechanism.shapes):
+            ends = (0, 2) if one.kind == "cylinder" else (2, 1)  # whose axis is y
+            turn = rapier.Rotation3.face_toward(*(tuple(one.axes[:, i]) for i in ends))
+            arm = rapier.Vec3(*(one.place - self.mechanism.links[one.link].centre))
+            made = COLLIDERS[one.kind](*map(float, one.size)).density(0.0).user_data(k)
+            made = made.position(rapier.Isometry3(arm, turn)).active_hooks(hooks)
+            self.world.add_collider(made, self.bodies[one.link])
+
+        def law_of(context):
+            ends = (
+                context.colliders[one].user_data for one in (context.collider1, context.collider2)
+            )
+            return laws.get(tuple(sorted(ends)))
+
+        class Laws:
+            def filter_contact_pair(self, context):
+                return rapier.SolverFlags.COMPUTE_IMPULSES if law_of(context) else None
+
+            def modify_solver_contacts(self, context):
+                law = law_of(context)
+                context.friction, context.restitution = law.friction, law.restitution
+
+        self.world.physics_hooks = Laws()
+        if self.defaults:
+            return
+        own, time = self.world.integration_parameters, host.OVERLAP_TIME
+        own.normalized_allowed_linear_error = own.normalized_prediction_distance = 1e-7
+        own.friction_in_bias_pass = True  # there is no other one
+        own.contact_recycling = own.contact_clustering = False
+        softness = rapier.SpringCoefficients(RIGID_RATIO / (np.pi * time), RIGID_RATIO)
+        own.contact_softness = own.static_contact_softness = softness
+
     def step(self, i):
         """Step number i, with the rates of drives and the forces on links."""
         mechanism = self.mechanism
@@ -139,6 +193,6 @@ class RapierWorld:
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the world through the run."""
     host.refuse_gears(mechanism, "Rapier")
-    host.refuse_rows(mechanism)
+    host.refuse_rows(mechanism, host.free_rows(mechanism))
     world = RapierWorld(mechanism, settings)
     return host.record(mechanism, world.step, world.read)
