@@ -32,6 +32,7 @@ def decisions_of(shape: TableShape) -> Decisions:
     return Decisions(
         units=parse_units([given["--unit"]] if "--unit" in given else None),
         fps=Decimal(given["--fps"]) if "--fps" in given else None,
+        time=given.get("--time", ""),
     )
 
 
@@ -56,6 +57,8 @@ def outcome(shape: TableShape, folder: Path) -> str:
     for name, (unit, texts) in shape.columns.items():
         if name not in there or there[name][0] != unit or not same(there[name][1], texts):
             return MISREAD
+    if set(there) - set(shape.columns):
+        return MISREAD
     return f"with `{' '.join(shape.options)}`" if shape.options else "as it is"
 
 

@@ -14,6 +14,7 @@ import codecs
 import csv
 import io
 import math
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,8 @@ ROW_TOLERANCE = 1e-9  # of the median spacing of rows: a place no farther from a
 WRAP_TOLERANCE = 0.1
 """Share of a turn by which a step across whole turns may differ from the steps beside it."""
 ITS_COLUMN = "unwrap = true to its column"
+IMPORTED_ENDINGS = (".xlsx", ".xls", ".mat", ".lvm", ".res", ".parquet", ".tab", ".txt", ".dat")
+"""Endings of files with tables that are no CSV, of which ``proofmass import`` makes one."""
 MIN_ROWS = 16  # least number of rows: a spline through every fourth then has at least four points
 NEIGHBOUR_ROWS = 4  # rows to each side whose errors decide how the error falls with the spacing
 CUBIC_ERROR_RATIO = 0.1
@@ -125,7 +128,10 @@ class RecordedTable:
             A cell that is no finite number; the message names the line and the column.
         """
         k = list(self.units).index(name)
-        return np.array([cell_number(self.file, n, row[k], name) for n, row in self.rows])
+        try:
+            return np.array([cell_number(self.file, n, row[k], name) for n, row in self.rows])
+        except InputError as error:
+            raise with_import_hint(error) from None
 
     def unit_of(self, wanted: RecordedColumn) -> str:
         """Return the unit of a column, from its header or from the sidecar.
@@ -151,7 +157,7 @@ class RecordedTable:
             raise ValueError(
                 f"column {wanted.column!r} of {self.file.name} has no unit in its header; write it "
                 f"as '{wanted.column} [unit]', or give it: "
-                f'{{ column = "{wanted.column}", unit = ".." }}'
+                f'{{ column = "{wanted.column}", unit = ".." }}; {import_hint(self.file)}'
             )
         if known and wanted.unit is not None and si_unit(wanted.unit) != si_unit(own):
             raise ValueError(
@@ -224,7 +230,7 @@ class RecordedTable:
                 self.line(int(wrong[0]) + 1),
                 f"{wanted.column} does not {'fall' if falls else 'rise'} "
                 f"({x[wrong[0]]:.10g} then {x[wrong[0] + 1]:.10g}); give the rows in their order, "
-                f"each {wanted.column} once",
+                f"each {wanted.column} once; {import_hint(self.file)}",
             )
         return x
 
@@ -278,10 +284,38 @@ def read_table(file: Path) -> RecordedTable:
     return parse_table(file)
 
 
+def import_hint(file: Path) -> str:
+    """The command that makes a table which can be read of most files.
+
+    >>> import_hint(Path("data/run 3.csv"))
+    "try proofmass import 'run 3.csv'"
+    """
+    return f"try proofmass import {shlex.quote(file.name)}"
+
+
+def with_import_hint(error: InputError) -> InputError:
+    """An error of a file with the command that may mend it."""
+    return InputError(error.file, error.key, f"{error.wrong}; {import_hint(error.file)}")
+
+
 @read_once()
 def parse_table(file: Path) -> RecordedTable:
     """Do what `read_table` does, once for each content of a file."""
     text = decode_csv(read_bytes(file))
+    try:
+        return parse_text(file, text)
+    except InputError as error:
+        raise with_import_hint(error) from None
+
+
+def parse_text(file: Path, text: str) -> RecordedTable:
+    """Read the text of a CSV file.
+
+    Raises
+    ------
+    InputError
+        No CSV, rows of another length than the header, two columns of one name.
+    """
     mark = find_separator(text)
     try:
         lines = [

@@ -22,7 +22,12 @@ from proofmass.base.entry_points import (
 from proofmass.base.errors import suggest_names
 from proofmass.base.files import content_key
 from proofmass.base.read_once import read_once
-from proofmass.base.recorded import RecordingTable, read_table
+from proofmass.base.recorded import (
+    IMPORTED_ENDINGS,
+    RecordingTable,
+    import_hint,
+    read_table,
+)
 from proofmass.base.recording import Recorded
 from proofmass.base.units import si_unit
 from proofmass.case.case import Case
@@ -51,6 +56,8 @@ def find_reference(name: str) -> type[Reference]:
     """
     there = entry_points_of(REFERENCE_GROUP).get(name, ())
     if not there:
+        if Path(name).suffix.lower() in IMPORTED_ENDINGS:
+            raise NoReference(f"{name!r} is no CSV; {import_hint(Path(name))}")
         raise NoReference(
             f"no reference {name!r}; {suggest_names(name, sorted(reference_names()))}; or name a "
             "recorded curve NAME.csv or a program NAME.py"

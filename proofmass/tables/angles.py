@@ -1,6 +1,6 @@
 """Angles of a table: their units, whole turns by which they jump, and their direction."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from math import pi
@@ -27,31 +27,36 @@ SLOPE_TOLERANCE = 0.02
 """Share by which the slope of a curve may differ from the column of its rate: differences of rows
 are no derivatives."""
 NOTHING = "none"  # the answer that no column counts clockwise
-RATIOS = {180 / pi: "deg and rad", pi / 180: "deg and rad", 1000.0: "m and mm", 1e-3: "m and mm"}
-"""Ratios of a slope and its rate that two units for one would give."""
+MIXED_UNITS = {"rad": (("rad", "deg"),), "m": (("m", "mm"), ("m", "cm"))}
+"""Units that are taken for each other, by the quantity."""
 
 
 def settle_units(table: ForeignTable, decisions: Decisions) -> ForeignTable:
-    """The table with the units that options state, and with those of angles.
+    """The table with the units of angles that have none, or a doubtful one.
 
     Raises
     ------
     InputError
-        An option names no column or no unit; an angle has no unit; units contradict each other.
+        Nobody decides in which unit an angle is; units contradict each other.
     """
-    table = state_units(table, decisions)
     for column in table.columns:
         if not column.unit and not column.written_unit and is_angle_name(column.name):
             table = settle_angle(table, column, decisions)
         elif doubtful_unit(column.written_unit) and not column.unit:
             table = settle_doubtful(table, column, decisions)
     table = gravity_to_si(table)
-    check_slopes(table)
+    check_slopes(table, decisions.units)
     return table
 
 
 def state_units(table: ForeignTable, decisions: Decisions) -> ForeignTable:
-    """The table with the units of ``--unit``."""
+    """The table with the units of ``--unit``.
+
+    Raises
+    ------
+    InputError
+        The option names no column or no unit.
+    """
     for name, written in decisions.units.items():
         column = table.find(name, "--unit")
         unit = read_unit(written) or ("1" if written == "1" else "")
@@ -76,6 +81,10 @@ def settle_angle(table: ForeignTable, column: ForeignColumn, decisions: Decision
         if any(agrees(rated, replace(column, unit=unit), rate) for rate in rates_of(rated, "rad")):
             words = f"{column.name} has no unit; its slope shows that it is in {unit}"
             return rated.corrected(ImportRule.UNITS, words)
+    if table.angle_unit:
+        words = f"{column.name} has no unit; a line above the table says {table.angle_unit}"
+        found = replace(column, unit=table.angle_unit)
+        return table.with_column(found).corrected(ImportRule.UNITS, words)
     values = [abs(float(cell)) for cell in column.cells if cell]
     answers = ("deg", "rad") if max(values, default=0) > 2 * pi else ("rad", "deg")
     question = ImportQuestion(
@@ -151,15 +160,18 @@ def slope_ratio(table: ForeignTable, curve: ForeignColumn, rate: ForeignColumn) 
         return None
     time = array_of(x) * si_unit(x.unit)[1]
     values, there = array_of(curve) * si_unit(curve.unit)[1], array_of(rate)
-    slope, there = np.gradient(values, time), there * si_unit(rate.unit)[1]
+    with np.errstate(all="ignore"):  # numbers at the limits of floats are no slope of anything
+        slope, there = np.gradient(values, time), there * si_unit(rate.unit)[1]
     inner = np.isfinite(slope) & np.isfinite(there)
     inner[[0, -1]] = False
     slope, there = slope[inner], there[inner]
     if slope.size < 3 or not slope.any():
         return None
-    found = float(slope @ there / (slope @ slope))
-    rest = np.sqrt(np.mean((there - found * slope) ** 2))
-    return found if rest <= SLOPE_TOLERANCE * np.sqrt(np.mean(there**2)) else None
+    with np.errstate(all="ignore"):
+        found = float(slope @ there / (slope @ slope))
+        rest = np.sqrt(np.mean((there - found * slope) ** 2))
+        good = rest <= SLOPE_TOLERANCE * np.sqrt(np.mean(there**2))
+    return found if good and np.isfinite(found) else None
 
 
 def agrees(table: ForeignTable, curve: ForeignColumn, rate: ForeignColumn) -> bool:
@@ -168,24 +180,50 @@ def agrees(table: ForeignTable, curve: ForeignColumn, rate: ForeignColumn) -> bo
     return found is not None and abs(abs(found) - 1) < SLOPE_TOLERANCE
 
 
-def check_slopes(table: ForeignTable) -> None:
-    """Raise InputError if a rate is the slope of a curve in another unit than the file says."""
-    for kind in ("rad", "m"):
-        for curve in table.columns[1:]:
-            if not curve.unit or dimension(curve.unit) != kind:
-                continue
+def check_slopes(table: ForeignTable, stated: Mapping[str, str]) -> None:
+    """Raise InputError if a rate is the slope of a curve in another unit than the file says.
+
+    Columns whose units are `stated` by options are left alone.
+    """
+    for kind, pairs in MIXED_UNITS.items():
+        curves = [c for c in table.columns[1:] if c.unit and dimension(c.unit) == kind]
+        for curve in curves:
             for rate in rates_of(table, kind):
+                if {curve.name, curve.label, rate.name, rate.label} & stated.keys():
+                    continue
                 found = slope_ratio(table, curve, rate)
-                mixed = next(
-                    (w for r, w in RATIOS.items() if found and abs(abs(found) / r - 1) < 0.05), None
-                )
-                if mixed:
-                    raise table.error(
-                        rate.name,
-                        f"{rate.label} is {abs(found or 0):.4g} times the slope of {curve.label}: "
-                        f"one of the two is in the other unit of {mixed}; state it, such as "
-                        f"--unit {rate.name}=UNIT",
-                    )
+                for large, small in pairs:
+                    if found is not None and is_mixed(found, large, small):
+                        raise contradiction(table, curve, rate, found, (large, small))
+
+
+def is_mixed(found: float, large: str, small: str) -> bool:
+    """Whether a ratio of a rate and a slope is that of two units, or its inverse."""
+    units = si_unit(large)[1] / si_unit(small)[1]
+    return any(abs(abs(found) / one - 1) < SLOPE_TOLERANCE for one in (units, 1 / units))
+
+
+def contradiction(
+    table: ForeignTable,
+    curve: ForeignColumn,
+    rate: ForeignColumn,
+    found: float,
+    pair: tuple[str, str],
+) -> Exception:
+    """The error of a curve and its rate whose units contradict each other."""
+    other = {pair[0]: pair[1], pair[1]: pair[0]}
+    ways = [
+        f"--unit {column.name}={unit}"
+        for column, unit in (
+            (rate, f"{other.get(rate.unit.partition('/')[0], pair[0])}/s"),
+            (curve, other.get(curve.unit, pair[0])),
+        )
+    ]
+    return table.error(
+        rate.name,
+        f"{rate.label} is {abs(found):.4g} times the slope of {curve.label}: one of the two units "
+        f"is wrong; state it, {' or '.join(ways)}, or state the present one",
+    )
 
 
 def unwrap_angles(table: ForeignTable) -> ForeignTable:
@@ -275,10 +313,10 @@ def clockwise_names(table: ForeignTable, decisions: Decisions) -> list[str]:
         return named
     question = ImportQuestion(
         f"line {table.clockwise_line}",
-        f"it says that something is clockwise; is that so for {', '.join(angles)}?",
+        f"it says that something is clockwise; the angles are {', '.join(angles)}",
         "--clockwise {}",
         (",".join(angles), NOTHING),
-        "clockwise: {}",
+        "columns that count clockwise: {}",
     )
     answer = decisions.decide(table.file, question)
     return clockwise_names(table, Decisions(clockwise=(answer,)))

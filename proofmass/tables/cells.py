@@ -23,10 +23,10 @@ EMPTY_WORDS = frozenset(
     "#value! #num! missing 1.#qnan -1.#ind 1.#inf undefined <na> nat ?".split()
 ) | {""}
 """Words for a value that is not there or not finite, as programs write them."""
-ANY_NUMBER = re.compile(r"([-+]?(?:\d[\d.,' _]*|[.,]\d+)(?:[eEdD][-+]?\d+)?)\s*(.*)", re.DOTALL)
+ANY_NUMBER = re.compile(r"([-+]?(?:\d[\d.,' _]*|[.,]\d+)(?:[eEdD][-+]?\d{1,3})?)\s*(.*)", re.DOTALL)
 """The beginning of a cell that may be a number, with any signs for decimals and groups, and the
 rest, which may be a unit."""
-PLAIN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+PLAIN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?")
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def style_pattern(style: NumberStyle) -> re.Pattern[str]:
     """What a number in a style looks like; a group does not follow a leading zero."""
     d, g = re.escape(style.decimal), re.escape(style.group)
     whole = rf"(?:[1-9]\d{{0,2}}(?:{g}\d{{3}})+|\d{{1,3}})" if style.group else r"\d+"
-    return re.compile(rf"[-+]?(?:{whole}{d}?\d*|{d}\d+)(?:[eEdD][-+]?\d+)?")
+    return re.compile(rf"[-+]?(?:{whole}{d}?\d*|{d}\d+)(?:[eEdD][-+]?\d{{1,3}})?")
 
 
 def tidy(cell: str) -> str:

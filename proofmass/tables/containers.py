@@ -109,6 +109,8 @@ def read_text_table(file: Path, data: bytes, decisions: Decisions) -> ForeignTab
         return read_results(file, data, decisions)
     if start.lower().startswith(("<!doctype", "<html", "<svg")):
         raise InputError(file, "", "a page for a browser; export the table as CSV")
+    if start.startswith(("{", "[{", "[[")):
+        raise InputError(file, "", "JSON; write the table as CSV, such as with pandas.DataFrame")
     if start.startswith(LVM_MARK):
         return lay_out(read_lvm(file, text, decisions, told), decisions)
     grid = read_grid(file, text, decisions)

@@ -8,6 +8,8 @@ from pathlib import Path
 from proofmass.base.errors import InputError
 from proofmass.tables.foreign import Correction, ImportRule
 
+SHOWN_ANSWERS = 4  # options that a message shows of many possible answers
+
 
 @dataclass(frozen=True)
 class ImportQuestion:
@@ -122,5 +124,6 @@ def ways(question: ImportQuestion) -> str:
     """The options that answer a question, in words."""
     if not question.answers:
         return f"give {question.option.format('..')}"
-    options = [question.as_option(answer) for answer in question.answers]
-    return f"give {' or '.join(options)}; --yes takes the first"
+    options = [question.as_option(answer) for answer in question.answers[:SHOWN_ANSWERS]]
+    more = ", .." if len(question.answers) > SHOWN_ANSWERS else ""
+    return f"give {' or '.join(options)}{more}; --yes takes the first"

@@ -107,6 +107,8 @@ class ForeignTable:
         The decimal sign that the file states, or that its container always has; empty otherwise.
     rate : str
         Rows per second that the file states in a line above the table; empty if it states none.
+    angle_unit : str
+        Unit of angles that a line above the table states; empty if none does.
     clockwise_line : int
         Number of the line above the table that says that angles are clockwise; 0 if none does.
     corrections : tuple of Correction
@@ -118,6 +120,7 @@ class ForeignTable:
     place_word: str = "line"
     decimal: str = ""
     rate: str = ""
+    angle_unit: str = ""
     clockwise_line: int = 0
     corrections: tuple[Correction, ...] = field(default=())
 

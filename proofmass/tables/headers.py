@@ -167,7 +167,7 @@ def suffix_unit(cell: str) -> ColumnHead | None:
         name = "".join(parts[: -2 * count]) if len(parts) > 2 * count else ""
         if not name or (unit := suffix_of(name, words[::2])) is None:
             continue
-        return ColumnHead(name, unit, "".join(words))
+        return ColumnHead(name.rstrip(" :,_"), unit, "".join(words))
     return None
 
 

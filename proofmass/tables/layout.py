@@ -10,16 +10,19 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from proofmass.tables.cells import is_empty
+from proofmass.base.wording import format_list
+from proofmass.tables.cells import is_empty, is_plain, split_number
 from proofmass.tables.decisions import Decisions, ImportQuestion
 from proofmass.tables.foreign import Correction, ForeignColumn, ForeignTable, ImportRule, be
-from proofmass.tables.headers import ColumnHead, read_head, says_clockwise
+from proofmass.tables.headers import ColumnHead, is_time_name, read_head, says_clockwise
 from proofmass.tables.text import (
     COMMENT_MARKS,
+    SAMPLE_LINES,
     CellGrid,
     CellRow,
     DataShape,
     find_shape,
+    is_value,
     trimmed,
 )
 from proofmass.tables.unit_words import NO_UNIT, TIME_UNITS, doubtful_unit, read_unit
@@ -40,6 +43,15 @@ STATED_RATE = re.compile(
     re.IGNORECASE,
 )
 """A line above a table that states the rows per second."""
+STATED_ANGLES = {
+    "deg": re.compile(r"indegrees\s*=\s*yes|angles?\b.{0,20}\bdeg(rees?)?\b", re.IGNORECASE),
+    "rad": re.compile(r"indegrees\s*=\s*no|angles?\b.{0,20}\brad(ians?)?\b", re.IGNORECASE),
+}
+"""Lines above a table that state the unit of all angles, such as OpenSim's ``inDegrees=yes``."""
+HALF = re.compile(r"\d+(?:[eE][-+]?\d+)?")
+"""The second half of a number that its decimal comma divides."""
+RULER = re.compile(r"[-=:+_*~\s|]*")
+"""A line that is drawn below a header."""
 
 
 @dataclass(frozen=True)
@@ -69,12 +81,15 @@ def lay_out(grid: CellGrid, decisions: Decisions) -> ForeignTable:
     InputError
         There is none, there are several, or rows are of different lengths.
     """
-    shape = find_shape(list(grid.rows))
+    shape = find_shape(list(grid.rows[:SAMPLE_LINES])) or find_shape(list(grid.rows))
     if shape is None:
         raise ForeignTable(grid.file, (), ()).error("", "no table: no rows of numbers")
+    grid, shape = join_decimals(grid, shape)
+    refuse_broken_rows(grid, shape)
     tables = find_tables(grid.rows, shape)
-    found = choose_table(grid, tables, decisions)
-    candidates, preamble = find_header(found.above, shape, grid.mark)
+    found, cut = without_cut_row(choose_table(grid, tables, decisions), shape, grid)
+    check_lengths(grid, found, shape)
+    candidates, preamble = find_header(found.above, shape, grid)
     header = divide_header(candidates)
     preamble += candidates[: len(candidates) - len(header.rows)]
     heads, told = read_header(grid, header, shape, found)
@@ -86,12 +101,43 @@ def lay_out(grid: CellGrid, decisions: Decisions) -> ForeignTable:
         grid.place_word,
         grid.decimal,
         stated_rate(preamble),
+        stated_angle(preamble),
         next((row.number for row in preamble if says_clockwise(words(row))), 0),
         grid.corrections,
     )
     after = rows_after(grid.rows, tables, found)
-    told = [*left_out(preamble, header.rows, grid), *told, *outside(found, after, grid)]
+    told = [*left_out(preamble, header.rows, grid), *told, *outside(found, after, grid), *cut]
     return replace(table, corrections=(*table.corrections, *told))
+
+
+def join_decimals(grid: CellGrid, shape: DataShape) -> tuple[CellGrid, DataShape]:
+    """The grid with halves of numbers put together, if commas are decimal signs and separators.
+
+    That is so if the row above the numbers has half as many cells, none of them a number, and each
+    second cell of each row of numbers has digits only.
+    """
+    if grid.mark != "," or shape.width % 2:
+        return grid, shape
+    first = next((k for k, row in enumerate(grid.rows) if shape.has(row)), 0)
+    head = grid.rows[first - 1].cells if first else ()
+    data = [row for row in grid.rows if shape.has(row)]
+    halves = [cell for row in data for cell in row.cells[1 : shape.width : 2]]
+    if len(head) != shape.width // 2 or any(map(is_value, head)):
+        return grid, shape
+    if not all(HALF.fullmatch(cell) for cell in halves):
+        return grid, shape
+    chosen = set(data)
+    rows = tuple(
+        replace(row, cells=tuple(map(",".join, zip(row.cells[::2], row.cells[1::2], strict=True))))
+        if row in chosen
+        else row
+        for row in grid.rows
+    )
+    told = Correction(
+        ImportRule.DECIMALS, "commas are separators and decimal signs: halves of numbers are joined"
+    )
+    joined = replace(grid, rows=rows, decimal=",", corrections=(*grid.corrections, told))
+    return joined, DataShape(len(head), tuple(range(len(head))), shape.rows, shape.share)
 
 
 def words(row: CellRow) -> str:
@@ -99,30 +145,73 @@ def words(row: CellRow) -> str:
     return row.text or " ".join(row.cells)
 
 
+def refuse_broken_rows(grid: CellGrid, shape: DataShape) -> None:
+    """Raise InputError if a row beside one of numbers begins like it and goes on otherwise.
+
+    Such a row is not left out as a remark is: it has a place on the x, and a value is missing.
+    """
+    fitting = [False, *map(shape.fits, grid.rows), False]
+    for k, row in enumerate(grid.rows, 1):
+        beside = fitting[k - 1] or (fitting[k + 1] and len(row.cells) == shape.width)
+        if fitting[k] or not beside or row.is_blank:
+            continue
+        cells = trimmed(row, shape.width)
+        first = shape.values[0]
+        if first >= len(cells) or not is_value(cells[first]) or len(list(filter(None, cells))) < 2:
+            continue
+        place = f"{grid.place_word} {row.number}"
+        wrong = [k for k in shape.values if k < len(cells) and not_a_value(cells[k])]
+        text = f"{len(cells)} cells, the rows around it have {shape.width}"
+        if wrong:
+            text = f"{cells[wrong[0]].strip()!r} in cell {wrong[0] + 1} is no number"
+        raise ForeignTable(grid.file, (), ()).error(place, text)
+
+
+def not_a_value(cell: str) -> bool:
+    """Whether a cell is neither a value nor empty."""
+    return not is_empty(cell) and not is_value(cell)
+
+
 def find_tables(rows: Sequence[CellRow], shape: DataShape) -> list[FoundTable]:
     """Find the tables of a grid: runs of rows of numbers that only blank rows, comments and
     repeated headers interrupt."""
     tables: list[FoundTable] = []
     data: list[CellRow] = []
+    among: list[CellRow] = []
     waiting: list[CellRow] = []
-    start = 0
-    header = ""
+    start, header = 0, ""
     for k, row in enumerate(rows):
-        if shape.fits(row) if data else shape.has(row):
-            if not data:
-                start, header = k, words(rows[k - 1]).strip() if k else ""
-            elif not all(interrupts(one, header) for one in waiting):
-                tables.append(FoundTable(tuple(rows[:start]), tuple(data)))
-                data, start, header = [], k, words(rows[k - 1]).strip()
-            else:
-                data += [one for one in waiting if not one.is_blank]
-            data.append(row)
-            waiting = []
-        elif data:
-            waiting.append(row)
+        if not (shape.fits(row) if data else shape.has(row)):
+            waiting += [row] * bool(data)
+            continue
+        if data and not belongs(waiting, header, data[-1], row):
+            tables.append(FoundTable(tuple(rows[:start]), tuple(data), tuple(among)))
+            data, among = [], []
+        if not data:
+            start = k
+            while start and may_lack_cells(rows[start - 1], shape):
+                start -= 1
+            data += rows[start:k]
+            header = words(rows[start - 1]).strip() if start else ""
+        else:
+            among += [one for one in waiting if not one.is_blank]
+        data.append(row)
+        waiting = []
     if data:
-        tables.append(FoundTable(tuple(rows[:start]), tuple(data)))
-    return [sort_interruptions(one, shape) for one in tables]
+        tables.append(FoundTable(tuple(rows[:start]), tuple(data), tuple(among)))
+    return tables
+
+
+def may_lack_cells(row: CellRow, shape: DataShape) -> bool:
+    """Whether a row is a first row of numbers without its last cells, as of differences."""
+    return shape.fits(row) and sum(bool(cell.strip()) for cell in row.cells) > 1
+
+
+def belongs(waiting: list[CellRow], header: str, last: CellRow, row: CellRow) -> bool:
+    """Whether a row of numbers goes on with a table, behind rows that have none."""
+    if all(interrupts(one, header) for one in waiting):
+        return True
+    return all(map(is_remark, waiting)) and goes_on(last, row)
 
 
 def interrupts(row: CellRow, header: str) -> bool:
@@ -131,11 +220,16 @@ def interrupts(row: CellRow, header: str) -> bool:
     return not text or row.is_blank or text == header or text.startswith(COMMENT_MARKS)
 
 
-def sort_interruptions(table: FoundTable, shape: DataShape) -> FoundTable:
-    """The table with the rows of words among its rows of numbers put aside."""
-    data = tuple(row for row in table.data if shape.fits(row))
-    among = tuple(row for row in table.data if not shape.fits(row))
-    return FoundTable(table.above, data, among)
+def is_remark(row: CellRow) -> bool:
+    """Whether a row has one cell of words, such as the name of an event."""
+    return sum(bool(cell.strip()) for cell in row.cells) <= 1
+
+
+def goes_on(last: CellRow, row: CellRow) -> bool:
+    """Whether the first number of a row is larger than that of the row before."""
+    numbers = [split_number(one.cells[0]) for one in (last, row)]
+    plain = [p[0].replace(",", ".") for p in numbers if p]
+    return len(plain) == 2 and all(map(is_plain, plain)) and float(plain[1]) > float(plain[0])
 
 
 def choose_table(grid: CellGrid, tables: list[FoundTable], decisions: Decisions) -> FoundTable:
@@ -152,7 +246,7 @@ def choose_table(grid: CellGrid, tables: list[FoundTable], decisions: Decisions)
     ]
     number = decisions.table
     if len(real) > 1 and not number:
-        places = ", ".join(
+        places = format_list(
             f"{k}: {grid.place_word}s {one.data[0].number} to {one.data[-1].number}"
             for k, one in enumerate(real, 1)
         )
@@ -172,6 +266,43 @@ def choose_table(grid: CellGrid, tables: list[FoundTable], decisions: Decisions)
     return real[max(number, 1) - 1]
 
 
+def without_cut_row(
+    found: FoundTable, shape: DataShape, grid: CellGrid
+) -> tuple[FoundTable, list[Correction]]:
+    """The table without a last row that was cut off as it was written, and what is said of it.
+
+    Such a row is the end of a text without a line's end, and lacks cells, or digits of its last
+    number that all other rows have.
+    """
+    last = found.data[-1]
+    if not grid.open_end or last.number != grid.rows[-1].number or len(found.data) < 3:
+        return found, []
+    cells = trimmed(last, shape.width)
+    digits = {decimals(row.cells[-1]) for row in found.data[:-1] if len(row.cells) == len(cells)}
+    if len(cells) >= shape.width and (len(digits) > 1 or decimals(cells[-1]) in digits):
+        return found, []
+    words = f"{grid.place_word} {last.number} is left out: it is cut off, and no line's end follows"
+    return replace(found, data=found.data[:-1]), [Correction(ImportRule.FOOTER, words)]
+
+
+def decimals(cell: str) -> int:
+    """The number of letters behind the last point or comma of a cell."""
+    return len(re.split(r"[.,]", cell.strip())[-1])
+
+
+def check_lengths(grid: CellGrid, found: FoundTable, shape: DataShape) -> None:
+    """Raise InputError if a row between others lacks cells: which ones is not known."""
+    short = [k for k, row in enumerate(found.data) if len(row.cells) < shape.width]
+    full = [k for k, row in enumerate(found.data) if len(row.cells) >= shape.width]
+    wrong = next((k for k in short if full[0] < k < full[-1]), None)
+    if wrong is not None:
+        row = found.data[wrong]
+        raise ForeignTable(grid.file, (), ()).error(
+            f"{grid.place_word} {row.number}",
+            f"{len(row.cells)} cells, the rows around it have {shape.width}",
+        )
+
+
 def rows_after(
     rows: Sequence[CellRow], tables: list[FoundTable], found: FoundTable
 ) -> list[CellRow]:
@@ -181,20 +312,43 @@ def rows_after(
 
 
 def find_header(
-    above: Sequence[CellRow], shape: DataShape, mark: str
+    above: Sequence[CellRow], shape: DataShape, grid: CellGrid
 ) -> tuple[list[CellRow], list[CellRow]]:
-    """Divide the rows above a table: those of its header, and those before them."""
+    """Divide the rows above a table: those of its header, and those before them.
+
+    Raises
+    ------
+    InputError
+        The row above the table names columns, and it is not clear which.
+    """
     header: list[CellRow] = []
     k = len(above)
     while k and above[k - 1].is_blank and not header:
         k -= 1
     while k and len(header) < MAX_HEADER_ROWS:
-        row = as_header(above[k - 1], shape.width, mark)
+        if RULER.fullmatch(words(above[k - 1])) and not above[k - 1].is_blank:
+            k -= 1
+            continue
+        row = as_header(above[k - 1], shape.width, grid.mark)
+        if row is None and not header and grid.mark in (" ", "  "):
+            require_no_names(grid, above[k - 1], shape)
         if row is None:
             break
         header.insert(0, row)
         k -= 1
     return header, [row for row in above[:k] if not row.is_blank]
+
+
+def require_no_names(grid: CellGrid, row: CellRow, shape: DataShape) -> None:
+    """Raise InputError if a row that cannot be divided among the columns has names or units."""
+    text = words(row).lstrip("#% ")
+    parts = text.split()
+    if is_time_name(parts[0]) or any(read_unit(bare(part)) for part in parts if "(" in part):
+        raise ForeignTable(grid.file, (), ()).error(
+            f"{grid.place_word} {row.number}",
+            f"{len(parts)} words for {shape.width} columns between blanks; put names with blanks "
+            "into quotation marks, or separate the cells by tabs",
+        )
 
 
 def as_header(row: CellRow, width: int, mark: str) -> CellRow | None:
@@ -207,8 +361,14 @@ def as_header(row: CellRow, width: int, mark: str) -> CellRow | None:
         if not cells[0] and len(cells) == width + 1:
             cells = cells[1:]
     if mark in (" ", "  ", "") and len(cells) != width:
-        cells = resplit(row.text.strip().removeprefix(sign or "\0").strip(), width) or cells
+        cells = resplit(row.text.strip().removeprefix(sign or "\0").strip(), width) or []
     there = sum(bool(cell.strip()) for cell in cells)
+    if (
+        there
+        and is_value(next(filter(str.strip, cells)))
+        and 2 * sum(map(is_value, cells)) >= there
+    ):
+        return None
     tagged = sum(bool(TAGGED.fullmatch(cell.strip())) for cell in cells)
     if tagged or (there >= max(2, (width + 1) // 2) and len(cells) >= width - 1):
         return replace(row, cells=tuple(cell.strip() for cell in cells))
@@ -224,12 +384,14 @@ def resplit(text: str, width: int) -> list[str] | None:
     (['Time (s)', 'Crank angle (deg)'], ['t s', 'x'], ['t (s)', 'x (m)'])
     """
     bracketed = r"\S+?(?:\s*[(\[][^)\]]*[)\]])|\S+"
+    to_bracket = r"[^()\[\]]+[(\[][^)\]]*[)\]]"
     quoted = r'"[^"]*"|\S+'
     for found in (
         re.split(r"\s{2,}|\t+", text),
         re.split(r"\s*[,;]\s*", text),
         re.findall(quoted, text),
         re.findall(bracketed, text),
+        re.findall(to_bracket, text),
     ):
         if len(found) == width:
             return [cell.strip('" ') for cell in found]
@@ -272,6 +434,7 @@ def read_header(
         told.append(
             Correction(ImportRule.HEADER, f"there is no header; columns are called {names[0]}, ..")
         )
+    names = with_row_numbers(names, shape, found)
     check_widths(grid, names, shape, found)
     heads = [read_head(name) for name in names]
     if header.units is not None:
@@ -306,6 +469,9 @@ def divide_header(rows: list[CellRow]) -> HeaderRows:
             units = row
         k -= 1
     end = k
+    if units is None and k > 1 and (mixed := units_below_names(rows[k - 1], rows[k - 2])):
+        names_row, units = mixed
+        return HeaderRows(names_row.cells, units, tuple(rows[k - 2 :]))
     names: list[str] = []
     while k and not (names and all(names) and len(set(names)) == len(names)):
         cells = list(rows[k - 1].cells)
@@ -318,6 +484,21 @@ def divide_header(rows: list[CellRow]) -> HeaderRows:
     if k and units is None and end and is_unit_row(rows[k - 1], alone=True):
         units, k = rows[k - 1], k - 1
     return HeaderRows(tuple(names), units, tuple(rows[k:]))
+
+
+def units_below_names(row: CellRow, above: CellRow) -> tuple[CellRow, CellRow] | None:
+    """The names and the units of two rows, of which the lower one has the name of a column too.
+
+    Where the upper row has a name, the lower one must have a unit.
+    """
+    pairs = list(zip(above.cells, row.cells, strict=False))
+    if not all(read_unit(bare(below)) for name, below in pairs if name) or all(above.cells):
+        return None
+    if not any(name for name, _ in pairs):
+        return None
+    names = tuple(name or below for name, below in pairs)
+    units = tuple(below if name else "" for name, below in pairs)
+    return replace(row, cells=names), replace(row, cells=units)
 
 
 def is_unit_row(row: CellRow, alone: bool) -> bool:
@@ -373,6 +554,16 @@ def filled(cells: list[str]) -> list[str]:
     return found
 
 
+def with_row_numbers(names: list[str], shape: DataShape, found: FoundTable) -> list[str]:
+    """The names of columns, with one for numbers of rows that have none, as R writes them."""
+    if shape.width != len(names) + 1:
+        return names
+    numbers = [row.cells[0].strip() for row in found.data]
+    if numbers == [str(k + 1) for k in range(len(numbers))]:
+        return ["row", *names]
+    return names
+
+
 def check_widths(grid: CellGrid, names: list[str], shape: DataShape, found: FoundTable) -> None:
     """Raise InputError if rows have more cells than the header has names."""
     if shape.width <= len(names):
@@ -425,6 +616,15 @@ def stated_rate(preamble: list[CellRow]) -> str:
     for row in preamble:
         if found := STATED_RATE.search(words(row)):
             return (found[1] or found[2]).replace(",", ".")
+    return ""
+
+
+def stated_angle(preamble: list[CellRow]) -> str:
+    """The unit of angles that a line above a table states, or an empty text."""
+    for row in preamble:
+        for unit, pattern in STATED_ANGLES.items():
+            if pattern.search(words(row)):
+                return unit
     return ""
 
 

@@ -42,7 +42,7 @@ def is_moment(cell: str) -> bool:
     >>> [is_moment(c) for c in ("2024-05-01T10:00:00.5Z", "10:00", "1:02.5", "1:2", "phi")]
     [True, True, True, False, False]
     """
-    return read_moment(cell) is not None
+    return ":" in cell and read_moment(cell) is not None
 
 
 @lru_cache(8192)

@@ -3,9 +3,18 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from decimal import Decimal
+from math import isfinite
 
 from proofmass.base.units import si_unit
-from proofmass.tables.cells import STYLES, NumberStyle, is_empty, is_plain, split_number, tidy
+from proofmass.tables.cells import (
+    STYLES,
+    NumberStyle,
+    is_empty,
+    is_plain,
+    split_number,
+    style_pattern,
+    tidy,
+)
 from proofmass.tables.decisions import Decisions, ImportQuestion
 from proofmass.tables.foreign import ForeignColumn, ForeignTable, ImportRule, be, listed
 from proofmass.tables.moments import is_moment
@@ -42,7 +51,7 @@ def read_numbers(table: ForeignTable, decisions: Decisions) -> ForeignTable:
     if any(style.grouped(number) for column in table.columns for number in numbers_of(column)):
         words = f"{GROUP_WORDS[style.group]} between groups of three digits were removed"
         found = found.corrected(ImportRule.GROUPS, words)
-    return cells_without_units(found)
+    return cells_without_units(replace(found, decimal=style.decimal))
 
 
 def leave_words_out(table: ForeignTable) -> ForeignTable:
@@ -67,7 +76,9 @@ def leave_words_out(table: ForeignTable) -> ForeignTable:
 def numbers_of(column: ForeignColumn) -> Iterable[str]:
     """The numbers of a column, as they are written."""
     for cell in column.cells:
-        if not is_empty(cell) and not is_moment(cell) and (parts := split_number(cell)):
+        if is_plain(cell):
+            yield cell
+        elif not is_empty(cell) and not is_moment(cell) and (parts := split_number(cell)):
             yield parts[0]
 
 
@@ -111,9 +122,10 @@ def find_style(table: ForeignTable, decisions: Decisions) -> NumberStyle:
 def fits(style: NumberStyle, written: set[str]) -> bool:
     """Whether all numbers can be in a style; of one with groups, at least one must have them and
     none may lack them."""
-    if not all(style.plain(number) is not None for number in written):
+    if style.group and not any(style.grouped(number) for number in written):
         return False
-    return not style.group or any(style.grouped(number) for number in written)
+    pattern = style_pattern(style)
+    return all(pattern.fullmatch(number) for number in written)
 
 
 def differ(one: NumberStyle, other: NumberStyle, written: set[str]) -> bool:
@@ -154,13 +166,18 @@ def plain_column(table: ForeignTable, column: ForeignColumn, style: NumberStyle)
         A cell is no number in this style.
     """
     cells = []
+    ready = style.decimal == "." and not style.group
     for row, cell in enumerate(column.cells):
+        if ready and is_plain(cell) and isfinite(float(cell)):
+            cells.append(cell.lstrip("+"))
+            continue
         if is_empty(cell):
             cells.append("")
             continue
         number, rest = split_number(cell) or ("", tidy(cell))
         plain = style.plain(number)
-        if plain is None or (rest and read_unit(rest) is None):
+        known = not rest or read_unit(rest) is not None
+        if plain is None or not known or not isfinite(float(plain)):
             raise table.error(f"{table.line(row)}, {column.name}", f"{cell!r} is no number")
         cells.append(f"{plain} {rest}" if rest else plain)
     return replace(column, cells=tuple(cells))

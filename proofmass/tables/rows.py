@@ -157,7 +157,7 @@ def treat_empty_cells(table: ForeignTable, decisions: Decisions) -> ForeignTable
         question = ImportQuestion(
             "",
             f"{len(inside)} of {len(table.places)} rows have empty cells: columns have different "
-            "clocks; import each by itself, or",
+            "clocks",
             "--empty {}",
             ("keep", "drop"),
             "{} rows with empty cells",

@@ -5,9 +5,10 @@ import re
 from enum import StrEnum
 
 from proofmass.tables.foreign import ForeignColumn, ForeignTable
-from proofmass.tables.headers import is_angle_name
+from proofmass.tables.headers import ACCELERATION_WORDS, is_angle_name, is_time_name, words_of
 from proofmass.tables.unit_words import dimension
 
+TIME_UNIT = "s"  # the unit that is proposed for an x without one
 PLAIN_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -45,7 +46,7 @@ def truth(table: ForeignTable, name: str) -> list[str]:
         lines += ["", "[recording]"]
     for column in unknown:
         if column is table.columns[0]:
-            lines.append(f"x = {column_table(column)}   # the file has no unit")
+            lines.append(f"x = {column_table(column, TIME_UNIT)}   # the file has no unit")
         else:
             lines.append(
                 f"columns.{key(column.name)} = {{ unit = {quote(guess(column))} }}"
@@ -66,7 +67,7 @@ def party(table: ForeignTable, name: str) -> list[str]:
     solver = f'settings."recorded:{word}"'
     lines = [f'# in the table of a run: solvers = ["mujoco", "recorded:{word}"]']
     lines += [f"[{solver}]", f"file = {quote(name)}"]
-    lines.append(f"x = {quote(x.name) if x.unit else column_table(x)}")
+    lines.append(f"x = {quote(x.name) if x.unit else column_table(x, TIME_UNIT)}")
     lines += ["", f"[{solver}.channels]   # a channel = a column"]
     for column in table.columns[1:]:
         value = quote(column.name) if column.unit else column_table(column)
@@ -78,7 +79,7 @@ def party(table: ForeignTable, name: str) -> list[str]:
 def profile(table: ForeignTable, name: str) -> list[str]:
     """Lines that let a drive follow a table."""
     x = table.columns[0]
-    time = "" if x.unit else f", time = {column_table(x)}"
+    time = "" if x.unit else f", time = {column_table(x, TIME_UNIT)}"
     lines = ["[drive]", 'joint = "JOINT"   # the joint that follows the rows']
     found = [(c, role) for c in table.columns[1:] if (role := drive_role(c)) and all(c.cells)]
     found.sort(key=lambda one: one[1] != "value")
@@ -98,13 +99,29 @@ def drive_role(column: ForeignColumn) -> str:
 
 
 def guess(column: ForeignColumn) -> str:
-    """The unit that is proposed for a column without one."""
-    return "rad" if is_angle_name(column.name) else "m"
+    """The unit that is proposed for a column without one.
+
+    >>> [guess(ForeignColumn(name, ())) for name in ("theta", "v_{x}", "time", "omega", "a_y", "y")]
+    ['rad', 'm/s', 's', 'rad/s', 'm/s^2', 'm']
+    """
+    words = words_of(column.name)
+    if is_time_name(column.name):
+        return "s"
+    if is_angle_name(column.name):
+        return "rad"
+    if words & {"omega", "w", "ω", "angvel"} or {"angular", "velocity"} <= words:
+        return "rad/s"
+    first = column.name[:2].lower()
+    if first in ("v_", "vx", "vy", "vz", "v") or words & {"velocity", "speed", "vel"}:
+        return "m/s"
+    if first in ("a_", "ax", "ay", "az", "a") or words & ACCELERATION_WORDS:
+        return "m/s^2"
+    return "N" if words & {"force", "f", "fx", "fy", "fz"} else "m"
 
 
-def column_table(column: ForeignColumn) -> str:
+def column_table(column: ForeignColumn, unit: str = "") -> str:
     """A column with a proposed unit, as a table of TOML."""
-    return f"{{ column = {quote(column.name)}, unit = {quote(guess(column))} }}"
+    return f"{{ column = {quote(column.name)}, unit = {quote(unit or guess(column))} }}"
 
 
 def solver_name(name: str) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from proofmass.base.errors import InputError
-from proofmass.tables.cells import STYLES, is_empty, split_number
+from proofmass.tables.cells import STYLES, is_empty, is_plain, split_number
 from proofmass.tables.decisions import Decisions
 from proofmass.tables.foreign import Correction, ImportRule
 from proofmass.tables.moments import is_moment
@@ -18,8 +18,13 @@ from proofmass.tables.unit_words import read_unit
 
 SAMPLE_BYTES = 4096  # bytes at the beginning by which UTF-16 without a mark is known
 ZERO_BYTES_SHARE = 0.4  # share of zero bytes at every other place of UTF-16 in a Western language
-JAPANESE_WORDS = ("時間", "時刻", "角", "速度", "変位", "秒", "度", "位置", "力")
-"""Words of headers by which Shift-JIS is told from Windows-1252."""
+ENCODING_WORDS = {
+    "cp932": ("時間", "時刻", "角度", "速度", "変位", "位置"),
+    "cp1251": ("время", "угол", "скорость", "момент", "координата"),
+    "gb18030": ("时间", "角度", "速度", "位移", "时刻"),
+    "cp949": ("시간", "각도", "속도", "변위"),
+}
+"""Words of headers by which encodings of other scripts are told from Windows-1252."""
 SAMPLE_LINES = 3000  # lines in which the separator is looked for
 MARKS = ("\t", ";", "|", ",", "  ", " ")
 """Separators, in the order in which they are preferred: two blanks or more, or any blanks."""
@@ -68,6 +73,8 @@ class CellGrid:
         The separator of cells; empty if cells are separate in the container.
     decimal : str
         The decimal sign, if the file states it.
+    open_end : bool
+        Whether the last line has no end, as that of a text that was cut off.
     corrections : tuple of Correction
     """
 
@@ -76,6 +83,7 @@ class CellGrid:
     place_word: str = "line"
     mark: str = ""
     decimal: str = ""
+    open_end: bool = False
     corrections: tuple[Correction, ...] = ()
 
 
@@ -120,11 +128,10 @@ def find_encoding(data: bytes) -> str:
         pass
     else:
         return "utf-8-sig"
-    try:
-        if any(word in data.decode("cp932") for word in JAPANESE_WORDS):
-            return "cp932"
-    except UnicodeDecodeError:
-        pass
+    for name, known in ENCODING_WORDS.items():
+        text = data.decode(name, errors="ignore").lower()
+        if any(word in text for word in known):
+            return name
     try:
         data.decode("cp1252")
     except UnicodeDecodeError:
@@ -138,6 +145,8 @@ def is_value(cell: str) -> bool:
     >>> [is_value(cell) for cell in ("1.234,5", "0.005 sec", "10:00:00.5", "Theta2", "3 bodies")]
     [True, True, True, False, False]
     """
+    if is_plain(cell):
+        return True
     parts = split_number(cell)
     if parts is not None:
         number, rest = parts
@@ -192,12 +201,18 @@ class DataShape:
     def has(self, row: CellRow) -> bool:
         """Whether a row is one of these: of full width, with a value, and no words in a place of
         values."""
-        return len(trimmed(row, self.width)) == self.width and self.fits(row)
+        return len(trimmed(row, self.width)) >= self.width and self.fits(row)
 
     def fits(self, row: CellRow) -> bool:
-        """Whether a row has a value and no words in a place of values; it may be too short."""
+        """Whether a row has a value and no words in a place of values.
+
+        It may be too short, and may have words beyond its width, which are a comment.
+        """
+        cells = row.cells
+        if len(cells) == self.width and all(is_plain(cells[k]) for k in self.values):
+            return True
         cells = trimmed(row, self.width)
-        if len(cells) > self.width:
+        if any(cell.strip() and is_value(cell) for cell in cells[self.width :]):
             return False
         there = [cells[k] for k in self.values if k < len(cells) and not is_empty(cells[k])]
         return bool(there) and all(map(is_value, there))
@@ -216,13 +231,13 @@ def find_shape(rows: list[CellRow]) -> DataShape | None:
     counts = Counter(len(row.cells) for row in rows if any(map(is_value, row.cells)))
     best: DataShape | None = None
     for width, count in counts.most_common(3):
-        full = [row for row in rows if len(row.cells) == width]
+        full = [row for row in rows if len(row.cells) == width and any(map(is_value, row.cells))]
         values = tuple(k for k in range(width) if is_value_column([row.cells[k] for row in full]))
         if not values:
             continue
         shape = DataShape(width, values, 0, 0.0)
         data = [row for row in full if shape.has(row)]
-        if not data:
+        if len(data) < 2:
             continue
         cells = [cell for row in data for cell in row.cells]
         share = sum(map(is_value, cells)) / max(sum(not is_empty(c) for c in cells), 1)
@@ -250,27 +265,60 @@ def read_grid(file: Path, text: str, decisions: Decisions, mark: str = "") -> Ce
     """
     lines = lines_of(text)
     sample = "".join(lines[:SAMPLE_LINES])
-    found: list[tuple[float, str]] = []
-    for one in (mark,) if mark else MARKS:
-        try:
-            shape = find_shape(list(split_rows(sample, one)))
-        except csv.Error:
-            continue
-        if shape is not None and (shape.width > 1 or one == mark):
-            found.append((shape.rows * len(shape.values) * shape.share**2, one))
-    if not found:
-        shape = find_shape(list(split_rows(sample, "")))
-        if shape is None:
-            raise InputError(file, "", no_table(text))
-        found = [(1.0, "")]
-    best = max(found, key=lambda one: one[0])[1]
+    best = mark or find_mark(sample)
+    if best is None:
+        raise InputError(file, "", no_table(text))
     try:
         rows = tuple(split_rows(text, best))
     except csv.Error as error:
         raise InputError(file, "", f"no table: {error}") from None
     words = f"cells are separated by {MARK_WORDS[best]}"
     told = () if best == "," else (Correction(ImportRule.SEPARATOR, words),)
-    return CellGrid(file, rows, "line", best, corrections=told)
+    return CellGrid(
+        file, rows, "line", best, open_end=not text.endswith(("\n", "\r")), corrections=told
+    )
+
+
+def find_mark(text: str) -> str | None:
+    """Find the separator of the cells of a text: that which gives the most values.
+
+    Blanks are separators only if no sign divides the rows into values alone, since blanks may group
+    digits; commas count as such a sign only below a header, since they may be decimal signs.  An
+    empty separator is that of a single column; None without any numbers.
+
+    >>> find_mark("t;x\\n0,1;1 000\\n0,2;2 000"), find_mark("t x\\n0,1 1\\n0,2 2")
+    (';', ' ')
+    """
+    best: tuple[float, str | None] = (0.0, None)
+    divided = False
+    for mark in MARKS:
+        if divided and not mark.strip() and mark != "\t":
+            break
+        try:
+            rows = list(split_rows(text, mark))
+        except csv.Error:
+            continue
+        shape = find_shape(rows)
+        if shape is None or shape.width < 2:
+            continue
+        headed = has_header(rows, shape)
+        divided |= shape.share == 1.0 and (mark != "," or headed)
+        score = shape.rows * len(shape.values) * shape.share**2 * (1 + headed)
+        if score > best[0]:
+            best = score, mark
+    if best[1] is None and find_shape(list(split_rows(text, ""))):
+        return ""
+    return best[1]
+
+
+def has_header(rows: list[CellRow], shape: DataShape) -> bool:
+    """Whether the row above the numbers has as many cells, and words in all of them."""
+    first = next((k for k, row in enumerate(rows) if shape.has(row)), 0)
+    above = next((row for row in reversed(rows[:first]) if not row.is_blank), None)
+    if above is None:
+        return False
+    cells = trimmed(above, shape.width)
+    return len(cells) == shape.width and not any(map(is_value, cells))
 
 
 def no_table(text: str) -> str:

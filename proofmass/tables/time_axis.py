@@ -12,7 +12,7 @@ from itertools import pairwise
 from proofmass.tables.cells import is_plain
 from proofmass.tables.decisions import Decisions, ImportQuestion
 from proofmass.tables.foreign import ForeignColumn, ForeignTable, ImportRule, be, listed
-from proofmass.tables.headers import is_frame_name, is_time_name, words_of
+from proofmass.tables.headers import NUMBER_OF_NAME, is_frame_name, is_time_name, words_of
 from proofmass.tables.moments import DAY, is_moment, read_moment
 from proofmass.tables.unit_words import TIME_UNITS, dimension
 
@@ -43,6 +43,7 @@ def find_time(table: ForeignTable, decisions: Decisions) -> ForeignTable:
     table = join_seconds(table)
     if decisions.time:
         x = table.find(decisions.time, "--time")
+        table = own_block(table, [c for c in time_candidates(table) if c is not x] + [x], x)
     elif decisions.fps is not None:
         return time_of_rows(table, decisions, decisions.fps)
     else:
@@ -147,7 +148,27 @@ def choose_time(
         tuple(names),
         "{} is the time",
     )
-    return table, table.find(decisions.decide(table.file, question), "--time")
+    x = table.find(decisions.decide(table.file, question), "--time")
+    return own_block(table, candidates, x), x
+
+
+def own_block(
+    table: ForeignTable, candidates: list[ForeignColumn], x: ForeignColumn
+) -> ForeignTable:
+    """The table with the columns that belong to a time, if each time has its own behind it.
+
+    That is so if the columns of times have one name, as in exports of several clocks.
+    """
+    others = [c for c in candidates if c.name != x.name]
+    if not others or len({NUMBER_OF_NAME.sub("", c.name) for c in candidates}) > 1:
+        return table
+    names, inside = [], False
+    for column in table.columns:
+        inside = column.name != x.name and (inside or column in others)
+        if inside:
+            names.append(column.name)
+    words = f"{listed(names)} {be(names)} left out: they have another clock than {x.name}"
+    return table.corrected(ImportRule.TIME, words).without_columns(names)
 
 
 def same_clock(one: ForeignColumn, other: ForeignColumn) -> bool:

@@ -669,6 +669,11 @@ add("doubled.csv", "doubled rows",
     as_text("t [s],psi [deg]\n"
             + lines([[T3[k] for k in DOUBLED], [PSI4[k] for k in DOUBLED]], ",")),
     {"t": ("s", T3), "psi": ("deg", PSI4)}, says=("3 rows repeat those before",))  # fmt: skip
+ALL_TWICE = [k for k in range(ROWS) for _ in range(2)]
+add("all_doubled.csv", "doubled rows",
+    as_text("t [s],psi [deg]\n"
+            + lines([[T3[k] for k in ALL_TWICE], [PSI4[k] for k in ALL_TWICE]], ",")),
+    {"t": ("s", T3), "psi": ("deg", PSI4)}, says=("301 rows repeat those before",))  # fmt: skip
 LOST = (17, 80, 81)
 KEPT = [k for k in range(ROWS) if k not in LOST]
 add("dropout.csv", "empty cells",
@@ -742,6 +747,75 @@ add("modelica.csv", "time twice at an event",
             + lines([[*T3, T3[-1]], [*PSI4, PSI4[-1]], [*RATE4, RATE4[-1]]], ",")),
     {"time": ("s", T3), "rod.phi": ("deg", PSI4), "rod.w": ("", RATE4)},
     "--unit", "rod.phi=deg", says=("line 303 is left out",))  # fmt: skip
+
+
+add("joined.csv", "commas as separators and decimal signs",
+    as_text("Time (s),psi (deg)\n" + lines([comma(T3), comma(PSI4)], ",")),
+    {"Time": ("s", T3), "psi": ("deg", PSI4)}, says=("halves of numbers are joined",))  # fmt: skip
+add("frame_of_names.csv", "units below names, with an index",
+    as_text(",psi,x\nt,deg,mm\n" + lines([T3, PSI4, X3], ",")),
+    {"t": ("s", T3), "psi": ("deg", PSI4), "x": ("mm", X3)})  # fmt: skip
+add("row_names.csv", "numbers of rows without a name",
+    as_text('"t","psi_deg"\n' + lines([[f'"{k + 1}"' for k in range(ROWS)], T3, PSI4], ",")),
+    {"row": ("", [str(k + 1) for k in range(ROWS)]), "t": ("s", T3),
+     "psi": ("deg", PSI4)})  # fmt: skip
+add("markdown.txt", "bars and a ruler",
+    as_text("| t [s] | psi [deg] |\n|---|---|\n"
+            + lines([[f"| {t}" for t in T3], [f"{a} |" for a in PSI4]], " | ")),
+    {"t": ("s", T3), "psi": ("deg", PSI4)})  # fmt: skip
+add("motion.sto", "OpenSim, .sto",
+    as_text("Coordinates\nversion=1\nnRows=301\nnColumns=3\ninDegrees=yes\nendheader\n"
+            "time\trod_angle\tslider_tx\n" + lines([T8, PSI8, M.texts(M.x, ".8f")], "\t")),
+    {"time": ("s", T8), "rod_angle": ("deg", PSI8), "slider_tx": ("", M.texts(M.x, ".8f"))},
+    says=("a line above the table says deg",))  # fmt: skip
+add("russian.csv", "Windows-1251",
+    as_text("Время, с;Угол, град;Скорость, град/с\n"
+            + lines(map(comma, [T3, PSI4, RATE4]), ";"), "cp1251"),
+    {"Время": ("s", T3), "Угол": ("deg", PSI4), "Скорость": ("deg/s", RATE4)},
+    says=("the text is in CP1251",))  # fmt: skip
+add("remark.csv", "a remark among rows",
+    as_text(f"t [s],psi [deg]\n{ROWS_1}--- impact ---\n{ROWS_2}"),
+    {"t": ("s", T3), "psi": ("deg", PSI4)},
+    says=("line 102 among the numbers is left out",))  # fmt: skip
+add("clocks.csv", "several clocks",
+    as_text("time,psi [deg],time,x [mm]\n"
+            + lines([T3, PSI4, [format(2 * t, ".3f") for t in M.times], X3], ",")),
+    {"time": ("s", T3), "psi": ("deg", PSI4)}, "--time", "time",
+    says=("columns time (2) and x are left out: they have another clock",))  # fmt: skip
+add("killed.csv", "cut off as it was written",
+    as_text("t [s],psi [deg]\n" + lines([T3, PSI4], ",")[:-3]),
+    {"t": ("s", T3[:-1]), "psi": ("deg", PSI4[:-1])},
+    says=("line 302 is left out: it is cut",))  # fmt: skip
+add("slope.csv", "an angle without a unit beside its rate",
+    as_text("t,theta,omega [deg/s]\n" + lines([T3, PSI4, RATE4], ",")),
+    {"t": ("s", T3), "theta": ("deg", PSI4), "omega": ("deg/s", RATE4)},
+    says=("its slope shows that it is in deg",))  # fmt: skip
+GRAVITY = [format(v / 500, ".4f") for v in map(M.x, M.times)]
+add("gravity.csv", "accelerations in g",
+    as_text("t [s],acc_x [g],x [mm]\n" + lines([T3, GRAVITY, X3], ",")),
+    {"t": ("s", T3), "acc_x": ("m/s^2", [format(Decimal(g) * Decimal("9.80665"), "f")
+                                         for g in GRAVITY]), "x": ("mm", X3)},
+    says=("acc_x was in g",))  # fmt: skip
+add("no_time.csv", "rows without a time",
+    as_text("t [s],psi [deg]\n,0.5\n" + lines([T3, PSI4], ",") + ",12.5\n,-12.5\n"),
+    {"t": ("s", T3), "psi": ("deg", PSI4)}, says=("left out: t is empty",))  # fmt: skip
+add("rated.txt", "rows per second, and no times",
+    as_text("Sample rate (Hz): 200\nChannels: 2\n\npsi (deg)\tx (mm)\n" + lines([PSI4, X3], "\t")),
+    {"t": ("s", T3), "psi": ("deg", PSI4), "x": ("mm", X3)},
+    says=("states 200 rows per second",))  # fmt: skip
+add("sweep.csv", "a sweep over an angle",
+    as_text("alpha [deg];M [Nmm]\n" + lines(map(comma, [M.texts(M.phi, ".2f"), X3]), ";")),
+    {"alpha": ("deg", M.texts(M.phi, ".2f")), "M": ("N mm", X3)},
+    says=("alpha [deg] is the x",))  # fmt: skip
+add("no_header.csv", "no header",
+    as_text(lines([T3, PSI4], ",")), {"column 1": ("", T3), "column 2": ("", PSI4)},
+    says=("there is no header",))  # fmt: skip
+add("differences.txt", "first row without its last cells",
+    as_text("t [s]\tx [mm]\tv [mm/s]\n"
+            + lines([T3, X3], "\t").split("\n", 1)[0] + "\n"
+            + lines([T3[1:], X3[1:], RATE4[1:]], "\t")),
+    {"t": ("s", T3), "x": ("mm", X3), "v": ("mm/s", ["", *RATE4[1:]])},
+    says=("column v is empty in line 2, which stays",))  # fmt: skip
 
 
 def write_all(folder: Path) -> list[Path]:

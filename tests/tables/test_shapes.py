@@ -24,6 +24,8 @@ CONVERTED_SHAPES = {
     "dates and times of a clock": "times count from the first row on",
     "frame numbers": "times follow from the rows",
     "LabVIEW, times in the header": "times follow from the first one and the spacing",
+    "rows per second, and no times": "times follow from the rows",
+    "accelerations in g": "they are multiplied",
     "clockwise sign": "signs are turned round",
 }
 """Shapes whose numbers are not texts of the file, or are computed, and why."""
