@@ -1052,6 +1052,45 @@ def engines_command(
     raise typer.Exit(run_engines(*words, kinds))
 
 
+@app.command("compare")
+def compare_command(
+    file: Annotated[Path, typer.Argument(help="CSV of a measured loop.", metavar="FILE")],
+    x: Annotated[
+        str, typer.Option("--x", help="Column of the angle.", show_default="found by its unit")
+    ] = "",
+    y: Annotated[
+        str, typer.Option("--y", help="Column of the moment.", show_default="found by its unit")
+    ] = "",
+    references: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--with",
+            help="What it is compared with: sine or sine=SIZE, fit or fit=DEGREE, another CSV, "
+            "or CASE.toml or CASE.toml:QUANTITY; can be given several times.",
+            metavar="REFERENCE",
+            show_default="sine, fit",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Figure to write, .svg, .png or .pdf.", show_default="none"
+        ),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
+    force: ForceOption = False,
+) -> None:
+    """Compare a measured loop of a moment over an angle with references, without a model.
+
+    The angle goes up and down; its rows need no times. The branches are found, and their works, the
+    area of the loop, and the reduction of work against each reference are printed. Exit code 0:
+    done; 2: bad input.
+    """
+    from proofmass.commands.compare import run_compare
+
+    run_compare(file, x, y, references or ["sine", "fit"], output, json)
+
+
 @app.command("versions")
 def versions_command(
     paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],
