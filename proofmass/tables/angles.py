@@ -23,6 +23,9 @@ ANGLE_KINDS = ("rad", "rad/s", "rad/s^2")
 MORE_DECIMALS = 6
 """Decimals that an unwrapped angle in radians has more than it is printed with: a turn has no end,
 and its rounding must not be seen in differences of rows."""
+FAST_SHARE = 0.25
+"""Share of a turn by which a wrapped angle may turn from row to row: with more, the way in the
+other direction is less than three times as long, and the rows do not tell which it was."""
 SLOPE_TOLERANCE = 0.02
 """Share by which the slope of a curve may differ from the column of its rate: differences of rows
 are no derivatives."""
@@ -227,27 +230,46 @@ def contradiction(
 
 
 def unwrap_angles(table: ForeignTable) -> ForeignTable:
-    """The table without jumps of angles by whole turns."""
+    """The table without jumps of angles by whole turns, or by half ones of an arctangent.
+
+    An angle that turns so fast that whole turns between rows are not known is left out.
+    """
     for column in table.columns:
-        if not column.unit or dimension(column.unit) != "rad":
-            continue
-        turn, rows = turn_of(column.unit), [k for k, cell in enumerate(column.cells) if cell]
-        there = [column.cells[k] for k in rows]
-        row = find_wrap(np.array([float(cell) for cell in there]), float(turn))
-        if row is None:
-            continue
-        mended, jumps = unwrapped(there, turn)
-        words = (
-            f"{column.name} jumped by {'a turn' if jumps == 1 else f'turns, {jumps} times'}, first "
-            f"at {table.line(rows[row + 1])} from {there[row]} to {there[row + 1]} {column.unit}; "
-            "whole turns were added"
-        )
-        cells = list(column.cells)
-        for k, cell in zip(rows, mended, strict=True):
-            cells[k] = cell
-        found = replace(column, cells=tuple(cells))
-        table = table.with_column(found).corrected(ImportRule.WRAPPED, words)
+        if column.unit and dimension(column.unit) == "rad":
+            table = unwrap_angle(table, column)
     return table
+
+
+def unwrap_angle(table: ForeignTable, column: ForeignColumn) -> ForeignTable:
+    """The table with an angle without jumps."""
+    rows = [k for k, cell in enumerate(column.cells) if cell]
+    there = [column.cells[k] for k in rows]
+    values = np.array([float(cell) for cell in there])
+    turn, word = turn_of(column.unit), "turn"
+    row = find_wrap(values, float(turn))
+    if row is None and np.ptp(values) <= float(turn) / 2:
+        turn, word = turn / 2, "half turn"
+        row = find_wrap(values, float(turn))
+    if row is None:
+        return table
+    mended, jumps = unwrapped(there, turn)
+    steps = np.abs(np.diff([float(cell) for cell in mended]))
+    if np.median(steps) > FAST_SHARE * float(turn):
+        words = (
+            f"column {column.name} is left out: it turns by {np.median(steps):.4g} {column.unit} "
+            f"or the rest of a {word} from row to row, so that it is not known how far it turned"
+        )
+        return table.corrected(ImportRule.WRAPPED, words).without_columns([column.name])
+    words = (
+        f"{column.name} jumped by {f'a {word}' if jumps == 1 else f'{word}s, {jumps} times'}, "
+        f"first at {table.line(rows[row + 1])} from {there[row]} to {there[row + 1]} "
+        f"{column.unit}; {'whole' if word == 'turn' else 'half'} turns were added"
+    )
+    cells = list(column.cells)
+    for k, cell in zip(rows, mended, strict=True):
+        cells[k] = cell
+    found = replace(column, cells=tuple(cells))
+    return table.with_column(found).corrected(ImportRule.WRAPPED, words)
 
 
 def turn_of(unit: str) -> Decimal:

@@ -16,6 +16,9 @@ from proofmass.tables.numbers import read_numbers
 from proofmass.tables.rows import order_rows, treat_empty_cells
 from proofmass.tables.time_axis import find_time
 
+REASONS = (ImportRule.LEFT_OUT, ImportRule.WRAPPED)
+"""Rules that may leave the last columns of a table out."""
+
 
 def import_table(file: Path, decisions: Decisions) -> ForeignTable:
     """Read a table of another program, and mend what a recorded file must not have.
@@ -47,12 +50,22 @@ def import_table(file: Path, decisions: Decisions) -> ForeignTable:
     table = order_rows(table, decisions)
     table = settle_units(table, decisions)
     table = treat_empty_cells(table, decisions)
+    require_curves(table)
+    table = unwrap_angles(table)
+    require_curves(table)
+    table = turn_clockwise(table, decisions)
+    return replace(table, corrections=(*table.corrections, *decisions.answers))
+
+
+def require_curves(table: ForeignTable) -> None:
+    """Raise InputError unless a table has two rows, and a column beside its x."""
     if len(table.columns) < 2:
-        raise table.error("", f"{table.columns[0].name} is the x, and no other column has numbers")
+        why = [str(one) for one in table.corrections if one.rule in REASONS]
+        also = f"; {why[-1]}" if why else ""
+        name = table.columns[0].name
+        raise table.error("", f"{name} is the x, and no other column has numbers{also}")
     if len(table.places) < 2:
         raise table.error("", "a table needs two rows of numbers or more")
-    table = turn_clockwise(unwrap_angles(table), decisions)
-    return replace(table, corrections=(*table.corrections, *decisions.answers))
 
 
 def rename(table: ForeignTable) -> ForeignTable:

@@ -80,7 +80,7 @@ def read_container(file: Path, decisions: Decisions) -> ForeignTable:
         return read_packed(file, decisions)
     if head.startswith(b"PAR1"):
         require_library(file, "pyarrow")
-        return isolated(read_parquet, file)
+        return replace(isolated(read_parquet, file), file=file)
     if head.startswith((b"MATLAB 7.3", b"\x89HDF")):
         raise InputError(file, "", newer_format())
     if head.startswith(b"MATLAB 5.0") or file.suffix.lower() == ".mat":

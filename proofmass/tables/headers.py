@@ -1,7 +1,7 @@
 """Cells of headers: the name of a column, its unit, and what its name says about it."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from proofmass.tables.unit_words import (
@@ -15,9 +15,9 @@ from proofmass.tables.unit_words import (
 )
 
 TIME_WORDS = frozenset(
-    "t time times zeit tiempo temps tempo czas время tijd tid aika 時間 时间 時刻 clock timestamp "
-    "stamp elapsed seconds secs sec x_value xvalue zeitstempel uhrzeit reloj millis micros "
-    "nanoseconds milliseconds zaman idő čas".split()
+    "t time times tout zeit tiempo temps tempo czas время tijd tid aika 時間 时间 時刻 clock "
+    "timestamp stamp elapsed seconds secs sec x_value xvalue zeitstempel uhrzeit reloj millis "
+    "micros nanoseconds milliseconds zaman idő čas".split()
 )
 """Words of the names of columns of times."""
 FRAME_WORDS = frozenset(
@@ -112,18 +112,39 @@ def bracket_unit(cell: str) -> ColumnHead | None:
         if found is None:
             continue
         name, text = found[1].strip(" _/"), found[inner].strip()
-        square = cell.endswith("]")
-        text, clockwise = (without_clockwise(text), True) if says_clockwise(text) else (text, False)
-        if text.lower() in NO_UNIT and text and (square or text != "1") and name:
-            return ColumnHead(name, "1", text, clockwise)
-        if not text and clockwise:
-            return ColumnHead(name, "", "", True)
-        unit = read_unit(text)
-        if unit and not (text.lower() in SHORT_WORDS and not may_have(name, unit, square)):
-            return ColumnHead(name, unit, text, clockwise)
-        if doubtful_unit(text) or (square and name and is_unknown_unit(text)):
-            return ColumnHead(name, "", text, clockwise)
+        clockwise = says_clockwise(text)
+        text = without_direction(text) if clockwise else text
+        if clockwise and not text:
+            before = read_head(name)
+            return replace(before, clockwise=True)
+        if (head := head_of_unit(name, text, cell.endswith("]"))) is not None:
+            return replace(head, clockwise=clockwise)
     return None
+
+
+def head_of_unit(name: str, text: str, square: bool) -> ColumnHead | None:
+    """The head of a column with a text in brackets behind its name; None if it is no unit."""
+    if text.lower() in NO_UNIT and text and (square or text != "1") and name:
+        return ColumnHead(name, "1", text)
+    unit = read_unit(text)
+    if unit and not (text.lower() in SHORT_WORDS and not may_have(name, unit, square)):
+        return ColumnHead(name, unit, text)
+    if doubtful_unit(text):
+        return ColumnHead(name, "", text)
+    if square and name and is_unknown_unit(text):
+        return ColumnHead(name, text if is_known_to_pint(text) else "", text)
+    return None
+
+
+def is_known_to_pint(text: str) -> bool:
+    """Whether a unit is known to the library of units, though no table of spellings has it."""
+    from proofmass.base.units import si_unit
+
+    try:
+        si_unit(text)
+    except ValueError:
+        return False
+    return True
 
 
 def is_unknown_unit(text: str) -> bool:
@@ -245,12 +266,21 @@ def says_clockwise(text: str) -> bool:
 
 
 def without_clockwise(text: str) -> str:
-    """A name without the words for the direction.
+    """A name without the words for the direction, or the name if it has no others.
 
-    >>> without_clockwise("theta_cw"), without_clockwise("deg, clockwise")
-    ('theta', 'deg')
+    >>> without_clockwise("theta_cw"), without_clockwise("CW")
+    ('theta', 'CW')
+    """
+    return without_direction(text) or text
+
+
+def without_direction(text: str) -> str:
+    """A text without the words for the direction of the hands of a clock.
+
+    >>> without_direction("deg, positive clockwise"), without_direction("cw")
+    ('deg', '')
     """
     words = "|".join(CLOCKWISE_WORDS)
-    pattern = rf"(?:[\s_,;.-]|\bim\b)*(?<![^\W\d_])({words})(?![^\W\d_])"
-    left = re.sub(pattern, "", text, flags=re.IGNORECASE).strip(" _,;.-()[]")
-    return left or text
+    pattern = rf"(?:[\s_,;.-]|\bim\b|\bpositive\b)*(?<![^\W\d_])({words})(?![^\W\d_])"
+    left = re.sub(pattern, "", text, flags=re.IGNORECASE)
+    return re.sub(r",?\s*\bpositive$", "", left.strip(" _,;.-()[]"), flags=re.IGNORECASE)

@@ -90,7 +90,7 @@ def lay_out(grid: CellGrid, decisions: Decisions) -> ForeignTable:
     found, cut = without_cut_row(choose_table(grid, tables, decisions), shape, grid)
     check_lengths(grid, found, shape)
     candidates, preamble = find_header(found.above, shape, grid)
-    header = divide_header(candidates)
+    header = divide_header(candidates, shape)
     preamble += candidates[: len(candidates) - len(header.rows)]
     heads, told = read_header(grid, header, shape, found)
     data = found.data
@@ -322,11 +322,17 @@ def find_header(
         The row above the table names columns, and it is not clear which.
     """
     header: list[CellRow] = []
+    left: list[CellRow] = []
     k = len(above)
     while k and above[k - 1].is_blank and not header:
         k -= 1
     while k and len(header) < MAX_HEADER_ROWS:
         if RULER.fullmatch(words(above[k - 1])) and not above[k - 1].is_blank:
+            k -= 1
+            continue
+        upper = above[k - 2] if k > 1 else None
+        if not header and is_statistic(above[k - 1], upper, grid, shape.width):
+            left.append(above[k - 1])
             k -= 1
             continue
         row = as_header(above[k - 1], shape.width, grid.mark)
@@ -336,7 +342,36 @@ def find_header(
             break
         header.insert(0, row)
         k -= 1
-    return header, [row for row in above[:k] if not row.is_blank]
+    return header, [*[row for row in above[:k] if not row.is_blank], *reversed(left)]
+
+
+def joined_brackets(cells: list[str]) -> list[str]:
+    """Cells of a header put together where a separator stood in a bracket.
+
+    >>> joined_brackets(["t [s]", "phi (deg", " cw)"])
+    ['t [s]', 'phi (deg, cw)']
+    """
+    found: list[str] = []
+    for cell in cells:
+        is_open = found and found[-1].count("(") > found[-1].count(")")
+        if is_open or (found and found[-1].count("[") > found[-1].count("]")):
+            found[-1] += f",{cell}"
+        else:
+            found.append(cell)
+    return found
+
+
+def is_statistic(row: CellRow, above: CellRow | None, grid: CellGrid, width: int) -> bool:
+    """Whether a row between header and numbers has a word, such as ``Max``, and then numbers."""
+    cells = [cell for cell in trimmed(row, width) if cell.strip()]
+    if len(cells) < 2 or is_value(cells[0]) or not all(map(is_value, cells[1:])):
+        return False
+    if above is None or (upper := as_header(above, width, grid.mark)) is None:
+        return False
+    there = [cell for cell in upper.cells if cell]
+    return len(there) >= len(cells) and (
+        not any(map(is_value, there)) or all(map(is_value, there[1:]))
+    )
 
 
 def require_no_names(grid: CellGrid, row: CellRow, shape: DataShape) -> None:
@@ -360,6 +395,8 @@ def as_header(row: CellRow, width: int, mark: str) -> CellRow | None:
         cells[0] = first[len(sign) :].strip() if len(first) > len(sign) else ""
         if not cells[0] and len(cells) == width + 1:
             cells = cells[1:]
+    if mark == "," and len(cells) > width:
+        cells = joined_brackets(cells)
     if mark in (" ", "  ", "") and len(cells) != width:
         cells = resplit(row.text.strip().removeprefix(sign or "\0").strip(), width) or []
     there = sum(bool(cell.strip()) for cell in cells)
@@ -452,7 +489,7 @@ def padded(cells: Sequence[str], width: int) -> list[str]:
     return [*cells[:width], *[""] * (width - len(cells))]
 
 
-def divide_header(rows: list[CellRow]) -> HeaderRows:
+def divide_header(rows: list[CellRow], shape: DataShape) -> HeaderRows:
     """Find the units, other properties and names among the rows above a table, from the last on."""
     units: CellRow | None = None
     k = len(rows)
@@ -472,18 +509,43 @@ def divide_header(rows: list[CellRow]) -> HeaderRows:
     if units is None and k > 1 and (mixed := units_below_names(rows[k - 1], rows[k - 2])):
         names_row, units = mixed
         return HeaderRows(names_row.cells, units, tuple(rows[k - 2 :]))
-    names: list[str] = []
-    while k and not (names and all(names) and len(set(names)) == len(names)):
-        cells = list(rows[k - 1].cells)
-        above = filled(padded(cells, len(names))) if names else cells
+    names = list(rows[k - 1].cells) if k else []
+    k -= bool(k)
+    while k and (needy := nameless(names, shape)):
+        above = filled(padded(rows[k - 1].cells, len(names)))
+        if not all(above[j] and not is_value(above[j]) for j in needy):
+            break
         names = [
-            " ".join(filter(None, pair))
-            for pair in zip(above, names or [""] * len(cells), strict=True)
+            joined_name(above[j], name) if j in needy or lacks_unit(above[j], name) else name
+            for j, name in enumerate(names)
         ]
         k -= 1
     if k and units is None and end and is_unit_row(rows[k - 1], alone=True):
         units, k = rows[k - 1], k - 1
     return HeaderRows(tuple(names), units, tuple(rows[k:]))
+
+
+def nameless(names: list[str], shape: DataShape) -> set[int]:
+    """The columns with values whose name is missing, or is that of another one too."""
+    twice = {name for name, count in Counter(names).items() if name and count > 1}
+    return {k for k in shape.values if k < len(names) and (not names[k] or names[k] in twice)}
+
+
+def lacks_unit(above: str, below: str) -> bool:
+    """Whether the upper half of a name has a unit, and the lower one has none."""
+    return bool(read_head(above).unit) and not read_head(below).written_unit
+
+
+def joined_name(above: str, below: str) -> str:
+    """The name of a column from two rows, with its unit at the end.
+
+    >>> joined_name("rocker [deg]", "measured"), joined_name("rod", "X (mm)"), joined_name("", "t")
+    ('rocker measured [deg]', 'rod X (mm)', 't')
+    """
+    head = read_head(above)
+    if below and head.unit and not read_head(below).written_unit:
+        return f"{head.name} {below} [{head.written_unit}]"
+    return " ".join(filter(None, (above, below)))
 
 
 def units_below_names(row: CellRow, above: CellRow) -> tuple[CellRow, CellRow] | None:

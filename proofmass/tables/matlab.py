@@ -40,6 +40,7 @@ def read_variables(file: Path) -> Groups:
     except Exception as error:  # scipy raises errors of many kinds on damaged files
         raise InputError(file, "", f"no file of MATLAB that can be read: {error}") from None
     groups: Groups = {}
+    arrays: list[tuple[str, list[tuple[str, list[str]]]]] = []
     objects = []
     for name, value in found.items():
         if name.startswith("__"):
@@ -48,10 +49,9 @@ def read_variables(file: Path) -> Groups:
             objects.append(name)
         elif hasattr(value, "_fieldnames"):
             groups[name] = structure_columns(value)
-        elif isinstance(value, np.ndarray) and value.ndim == 1 and value.size > 1:
-            groups.setdefault(f"{value.size} rows", []).extend(matrix_columns(name, value))
-        elif isinstance(value, np.ndarray) and value.ndim == 2:
-            groups[name] = matrix_columns(name, value)
+        elif isinstance(value, np.ndarray) and value.ndim in (1, 2):
+            arrays += [(name, columns)] if (columns := matrix_columns(name, value)) else []
+    groups |= grouped_by_rows(arrays)
     groups = {name: columns for name, columns in groups.items() if columns}
     if not groups:
         if objects or "__function_workspace__" in found:
@@ -59,6 +59,15 @@ def read_variables(file: Path) -> Groups:
             raise InputError(file, name, OBJECT_ADVICE.format("timetable or timeseries", name))
         raise InputError(file, "", "no vector or matrix of numbers in it")
     return groups
+
+
+def grouped_by_rows(arrays: list[tuple[str, list[tuple[str, list[str]]]]]) -> Groups:
+    """Columns of vectors and matrices, those of one number of rows together."""
+    found: dict[int, list[str]] = {}
+    for name, columns in arrays:
+        found.setdefault(len(columns[0][1]), []).append(name)
+    by_name = dict(arrays)
+    return {", ".join(names): [c for n in names for c in by_name[n]] for names in found.values()}
 
 
 def is_opaque(value: Any) -> bool:

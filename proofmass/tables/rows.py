@@ -74,7 +74,7 @@ def drop_extremes(table: ForeignTable) -> ForeignTable:
     if not all(has_extremes(table, body, row) for row in range(end, len(x))):
         return table
     last = range(end, len(x))
-    words = f"{table.lines(last)} {be(last)} left out: they have the extremes of the columns"
+    words = f"{table.lines(last)} {be(last)} left out: the extremes of the columns"
     return body.corrected(ImportRule.EXTREMES, words)
 
 

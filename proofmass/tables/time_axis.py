@@ -14,7 +14,7 @@ from proofmass.tables.decisions import Decisions, ImportQuestion
 from proofmass.tables.foreign import ForeignColumn, ForeignTable, ImportRule, be, listed
 from proofmass.tables.headers import NUMBER_OF_NAME, is_frame_name, is_time_name, words_of
 from proofmass.tables.moments import DAY, is_moment, read_moment
-from proofmass.tables.unit_words import TIME_UNITS, dimension
+from proofmass.tables.unit_words import TIME_UNITS, dimension, read_unit
 
 EPOCH_UNITS = {"s": 0, "ms": 3, "us": 6, "ns": 9}
 """Units of clocks that count since 1970, and the power of ten of their number in a second."""
@@ -66,13 +66,15 @@ def first(table: ForeignTable, name: str) -> ForeignTable:
 def join_seconds(table: ForeignTable) -> ForeignTable:
     """The table with whole seconds and nanoseconds of a clock in one column, as ROS 2 has them."""
     for seconds, rest in pairwise(table.columns):
-        if (seconds.unit, rest.unit) != ("s", "ns") or not is_split(seconds.cells, rest.cells):
+        units = seconds.unit or read_unit(seconds.name), rest.unit or read_unit(rest.name)
+        if units != ("s", "ns") or not is_split(seconds.cells, rest.cells):
             continue
         joined = tuple(
             f"{whole}.{nano.zfill(9)}" if whole and nano else ""
             for whole, nano in zip(seconds.cells, rest.cells, strict=True)
         )
-        column = replace(seconds, cells=joined)
+        name = "time" if read_unit(seconds.name) else seconds.name
+        column = replace(seconds, name=name, cells=joined, unit="s")
         columns = tuple(column if c is seconds else c for c in table.columns if c is not rest)
         words = f"seconds and nanoseconds of {seconds.name} are one time"
         return replace(table, columns=columns).corrected(ImportRule.TIME, words)
@@ -139,6 +141,7 @@ def choose_time(
         names = [c.name for c in others]
         words = f"{listed(names)} {be(names)} left out: the clock of {x.name}, but for its start"
         return table.corrected(ImportRule.TIME, words).without_columns(names), x
+    candidates = sorted(candidates, key=lambda c: not {"header", "stamp"} <= words_of(c.name))
     names = [column.name for column in candidates]
     spans = ", ".join(f"{c.label} from {c.cells[0]} to {c.cells[-1]}" for c in candidates)
     question = ImportQuestion(

@@ -235,7 +235,7 @@ LOW_HIGH = "".join(
     f"{T5[by_value[k]]};{PSI5[by_value[k]]};{X5[by_x[k]]}\n".replace(".", ",") for k in (0, -1)
 )
 add("rows_of_extremes.csv", "footer of extremes", as_text(SAM_HEAD + SAM_ROWS + LOW_HIGH), SAM,
-    says=("they have the extremes of the columns",))  # fmt: skip
+    says=("the extremes of the columns",))  # fmt: skip
 PSI6, V6 = M.texts(M.psi, ".6f"), M.texts(M.psi_rate, ".6f")
 add(
     "inventor.csv",
@@ -816,6 +816,38 @@ add("differences.txt", "first row without its last cells",
             + lines([T3[1:], X3[1:], RATE4[1:]], "\t")),
     {"t": ("s", T3), "x": ("mm", X3), "v": ("mm/s", ["", *RATE4[1:]])},
     says=("column v is empty in line 2, which stays",))  # fmt: skip
+
+
+add("top_extremes.csv", "extremes above the numbers",
+    as_text(f"Time (s),psi (deg),x (mm)\nMax,{PSI4[by_value[-1]]},{X3[by_x[-1]]}\n"
+            f"Min,{PSI4[by_value[0]]},{X3[by_x[0]]}\n" + lines([T3, PSI4, X3], ",")),
+    {"Time": ("s", T3), "psi": ("deg", PSI4), "x": ("mm", X3)},
+    says=("lines 2 to 3 before the table are left out: 'Max,",))  # fmt: skip
+add("clockwise_comma.csv", "clockwise sign",
+    as_text("t [s],psi (deg, clockwise)\n" + lines([T3, minus(PSI4)], ",")),
+    {"t": ("s", T3), "psi": ("deg", PSI4)}, says=("column psi counted clockwise",))  # fmt: skip
+add("seconds.csv", "ROS, CSV",
+    as_text("secs,nsecs,psi_deg\n"
+            + lines([[n[:-9] for n in NANOSECONDS], [str(int(n[-9:])) for n in NANOSECONDS],
+                     PSI4], ",")),
+    {"time": ("s", SECONDS_9), "psi": ("deg", PSI4)})  # fmt: skip
+ARCTANGENT = [format((Decimal(v) + 90) % 180 - 90, "f") for v in M.texts(M.phi, ".3f")]
+add("arctangent.csv", "angle of an arctangent",
+    as_text("t [s],phi [deg]\n" + lines([T3, ARCTANGENT], ",")),
+    {"t": ("s", T3), "phi": ("deg", M.texts(M.phi, ".3f"))},
+    says=("phi jumped by half turns, 2 times",))  # fmt: skip
+
+
+add("merged.csv", "names in two rows",
+    as_text("Time [s],rod [deg],,slider [mm]\n,angle,rate,\n"
+            + lines([T3, PSI4, RATE4, X3], ",")),
+    {"Time": ("s", T3), "rod angle": ("deg", PSI4), "rod rate": ("deg", RATE4),
+     "slider": ("mm", X3)})  # fmt: skip
+add("keys_above.csv", "keys above a header with an empty end",
+    as_text("Model;crank;\nDate;2026;\nt [s];psi [deg];\n"
+            + lines([*map(comma, [T3, PSI4]), [""] * ROWS], ";")),
+    {"t": ("s", T3), "psi": ("deg", PSI4)},
+    says=("lines 1 to 2 before the table are left out: 'Model;crank;'",))  # fmt: skip
 
 
 def write_all(folder: Path) -> list[Path]:

@@ -69,6 +69,10 @@ BAD = {
         (HEAD + "0,1\n1,2\n2,3\n3,much\n").encode(),
         ["line 5", "'much' in cell 2 is no number"],
     ),
+    "a fast angle": (
+        ("t [s],phi [deg]\n" + rows(TIMES, [f"{k * 250 % 360}.0" for k in range(40)])).encode(),
+        ["column phi is left out", "110 deg or the rest of a turn"],
+    ),
     "both decimal signs": (
         (HEAD.replace(",", ";") + "0,0;1,5\n0,1;1.6\n0,2;1,7\n").encode(),
         ["several ways", "line 2", "line 3"],
