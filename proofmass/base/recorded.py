@@ -36,6 +36,9 @@ WRAP_TOLERANCE = 0.1
 ITS_COLUMN = "unwrap = true to its column"
 IMPORTED_ENDINGS = (".xlsx", ".xls", ".mat", ".lvm", ".res", ".parquet", ".tab", ".txt", ".dat")
 """Endings of files with tables that are no CSV, of which ``proofmass import`` makes one."""
+ROW_NUMBER = "row"
+"""Name of the column that every file has: the number of the row, from 0 on, as a time [s]; unless
+the file has a column of that name.  A loop needs it, whose columns turn back."""
 MIN_ROWS = 16  # least number of rows: a spline through every fourth then has at least four points
 NEIGHBOUR_ROWS = 4  # rows to each side whose errors decide how the error falls with the spacing
 CUBIC_ERROR_RATIO = 0.1
@@ -119,6 +122,16 @@ class RecordedTable:
         """Return the line of a row in the file, for messages."""
         return f"line {self.rows[row][0]}"
 
+    def counts(self, name: str) -> bool:
+        """Whether a name is that of the number of the row, and of no column."""
+        return name == ROW_NUMBER and name not in self.units
+
+    def cell(self, row: int, name: str) -> str:
+        """Return the text of a cell."""
+        if self.counts(name):
+            return f"{row % len(self.rows)}"
+        return self.rows[row][1][list(self.units).index(name)].strip()
+
     def values(self, name: str) -> Array:
         """Return the values of a column in the unit of the file.
 
@@ -127,6 +140,8 @@ class RecordedTable:
         InputError
             A cell that is no finite number; the message names the line and the column.
         """
+        if self.counts(name):
+            return np.arange(len(self.rows), dtype=float)
         k = list(self.units).index(name)
         try:
             return np.array([cell_number(self.file, n, row[k], name) for n, row in self.rows])
@@ -141,6 +156,8 @@ class RecordedTable:
         ValueError
             There is no such column, neither states its unit, or they state different units.
         """
+        if self.counts(wanted.column):
+            return wanted.unit or "s"
         if wanted.column not in self.units:
             raise ValueError(
                 f"no column {wanted.column!r} in {self.file.name}; "

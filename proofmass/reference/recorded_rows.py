@@ -97,7 +97,7 @@ class StatedEnd:
         if abs(at - self.place) <= near:
             return
         name, table = recording.column.column, recording.table
-        cell = table.rows[self.row][1][list(table.units).index(name)].strip()
+        cell = table.cell(self.row, name)
         which, verb = ("last", "end") if self.row else ("first", "begin")
         found, here = f"{cell} {table.unit_of(recording.column)}", f"{at:.6g} {self.unit}"
         raise case.error(

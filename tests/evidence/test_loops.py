@@ -9,8 +9,13 @@ from typer.testing import CliRunner
 
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
+from proofmass.base.recorded import RecordedColumn, read_table
 from proofmass.commands.cli import app
 from proofmass.evidence.loops import case_loop, make_reference, read_loop
+from proofmass.reference.evaluate import all_quantities
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import prescribed_run, solve_here
+from proofmass.verdict.compare import compare
 
 PROTOTYPE = Path(__file__).parents[2] / "models" / "balancers" / "balancer_prototype.toml"
 SIZE, FRICTION = 58.64357552691, 1.6
@@ -150,3 +155,52 @@ def test_the_figure_never_replaces_an_input(loop_file: Path) -> None:
     done = CliRunner().invoke(app, ["compare", str(loop_file), "-o", str(loop_file), "--force"])
     assert done.exit_code == 2
     assert loop_file.read_bytes() == before
+
+
+SIDECAR = """title = "A measured loop"
+source = "the closed form of the prototype with friction, with the digits of a file"
+model = "balancer_prototype.xml"
+reference = "loop.csv"
+[recording]
+x = "row"
+[drive]
+joint = "pendulum"
+profile = { file = "loop.csv", time = "row", value = "alpha" }
+[run.sweep]
+solvers = ["mujoco"]
+[channels]
+holding_moment = { equals = "M", unit = "N mm" }
+[[tolerance]]
+abs = 1e-6
+why = "digits of the file, and the rest of the engine"
+"""
+
+
+def test_a_loop_without_times_is_a_reference_by_its_rows(tmp_path: Path) -> None:
+    """The engine follows the measured angle up and down; with less friction it differs."""
+    case = load_case(PROTOTYPE)
+    run = prescribed_run(case, "sweep")
+    state = run.motion(run.x)
+    known = all_quantities(case, "sweep", run.x, state, case.parameters)
+    write_loop(tmp_path / "loop.csv", np.degrees(state[0][0]), 1e3 * known["holding_moment"])
+    file = tmp_path / "loop.toml"
+    file.write_text(SIDECAR, encoding="utf-8")
+    model = PROTOTYPE.with_suffix(".xml").read_text(encoding="utf-8")
+    assert 'frictionloss="0.00263"' in model
+    outcomes = []
+    for friction in ("0.00263", "0.0025"):
+        text = model.replace('frictionloss="0.00263"', f'frictionloss="{friction}"')
+        (tmp_path / "balancer_prototype.xml").write_text(text, encoding="utf-8")
+        own = load_case(file)
+        curves = solve_here(own, "sweep", "mujoco")
+        outcomes += [one.outcome for one in compare(own, "sweep", "mujoco", curves)]
+    assert outcomes == ["agrees", "differs"]
+
+
+def test_rows_are_counted_unless_a_column_is_called_so(tmp_path: Path) -> None:
+    file = tmp_path / "rows.csv"
+    file.write_text("a [deg]\n3\n5\n9\n", encoding="utf-8")
+    column = RecordedColumn(column="row", scale=0.01)  # a hundred rows a second
+    assert read_table(file).curve(column).tolist() == [0.0, 0.01, 0.02]
+    file.write_text("row [m]\n3\n5\n9\n", encoding="utf-8")
+    assert read_table(file).curve(RecordedColumn(column="row")).tolist() == [3.0, 5.0, 9.0]
