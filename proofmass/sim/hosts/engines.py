@@ -162,6 +162,8 @@ DRAKE = SteppedEngine(
     ),
     settings=DrakeSettings,
     stops=True,
+    friction=True,
+    contacts=True,
     rests=True,
 )
 BULLET = SteppedEngine(
@@ -186,7 +188,8 @@ DART = SteppedEngine(
     about=About(
         "a tree in reduced coordinates, loops by impulses; semi-implicit Euler",
         "BSD-2-Clause",
-        "an open loop is closed in one step, instead of 1 % of it; no link falls asleep",
+        "an open loop is closed in one step, instead of 1 % of it; no link falls asleep; contacts "
+        "by the collision detector of ODE",
     ),
     settings=SteppedSettings,
     stops=True,

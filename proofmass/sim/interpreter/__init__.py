@@ -43,6 +43,7 @@ from .mechanism import (
 from .pair_values import (
     OVERLAP_TIME,
     contact_surfaces,
+    split_by_harmonic_mean,
     split_by_minimum,
     split_by_product,
     surface_of,
@@ -106,6 +107,7 @@ __all__ = [
     "rows_at_samples",
     "runge_kutta",
     "slide_motion",
+    "split_by_harmonic_mean",
     "split_by_minimum",
     "split_by_product",
     "start_of_links",

@@ -136,6 +136,35 @@ def split_by_minimum(wanted: PairValues) -> dict:
     return found
 
 
+def split_by_harmonic_mean(wanted: PairValues) -> dict:
+    """Numbers of surfaces whose harmonic means are those that are wanted of pairs.
+
+    Raises
+    ------
+    Refused
+        There are none.
+
+    Examples
+    --------
+    >>> found = split_by_harmonic_mean({("floor", "box"): 0.5, ("floor", "ball"): 0.0})
+    >>> found["ball"], round(2.0 / (1.0 / found["floor"] + 1.0 / found["box"]), 12)
+    (0.0, 0.5)
+    """
+    positive = {pair: value for pair, value in wanted.items() if value}
+    names = sorted({name for pair in positive for name in pair}, key=str)
+    found = dict.fromkeys((name for pair in wanted for name in pair), 0.0)
+    if positive:
+        rows = np.array([[float(name in pair) for name in names] for pair in positive])
+        inverses = np.linalg.lstsq(rows, 2.0 / np.array(list(positive.values())), rcond=None)[0]
+        found |= {name: 1.0 / one if one > 0.0 else 0.0 for name, one in zip(names, inverses)}
+    sums = {(a, b): found[a] + found[b] for a, b in wanted}
+    check_values(
+        wanted,
+        {(a, b): 2.0 * found[a] * found[b] / (sums[a, b] or 1.0) for a, b in wanted},
+    )
+    return {name: float(one) for name, one in found.items()}
+
+
 def check_values(wanted: PairValues, made: PairValues) -> None:
     """Raise `Refused` at a pair that does not get the number that is wanted."""
     for (one, two), value in wanted.items():

@@ -120,3 +120,16 @@ def test_a_slack_cord_does_not_pull(tmp_path: Path) -> None:
     assert fallen == pytest.approx(-0.5 * 9.81 * run.x**2, abs=1e-9)
     with pytest.raises(Unsupported, match="continuous time"):
         engine_of("drake").simulate(model, replace(run, settings={"scheme": "continuous"}))
+
+
+def test_dry_friction_is_a_motor_with_a_limit() -> None:
+    """A turn of a pendulum is up to a step of 0.25 ms late."""
+    assert error("pendulum_friction", "rad") < 1e-3
+    assert error("slider_crank_released", "rad") < 1e-3
+
+
+def test_dry_friction_in_a_sweep_is_refused() -> None:
+    """The motor creeps while it holds: in many steps to a rest by a hundredth of the range."""
+    case = shipped_case(shipped("shaft_pendulum.toml"))
+    with pytest.raises(Unsupported, match="friction of joint 'pendulum' in a sweep"):
+        engine_of("drake").simulate(case.model_path, prescribed_run(case, "sweep"))

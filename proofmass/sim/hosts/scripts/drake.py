@@ -2,7 +2,9 @@
 
 Loops, gears and balls are constraints of SAP, with a body that is welded to the world: those with
 the world itself end Drake 1.46 and later with signal 11.  A drive is a heavy rotor with the torque
-for its next value.  Slack springs, loads, motors and powers of springs are constant in a step.
+for its next value, and dry friction a motor at rest with a limit.  Contacts are those of balls and
+half spaces by the approximation kLagged: with kSap what slides lifts off.  Slack springs, loads,
+motors and powers of springs are constant in a step.
 """
 
 from dataclasses import replace
@@ -10,15 +12,23 @@ from importlib.metadata import version
 
 import numpy as np
 import proofmass_host as host
-from pydrake.math import RigidTransform
+from pydrake import geometry
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody import plant, tree
 from pydrake.multibody.math import SpatialForce
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
 
 VERSIONS = {"drake": version("drake"), "numpy": np.__version__}
 ROTOR_SHARE = 1e7  # of a drive: inertia in masses of the mechanism times its squared size
 ACCURACY = 1e-9  # of the integrator in continuous time
 CLOSING_SHARE = 0.5  # of the opening of a loop that a step of SAP closes: it relaxes in one more
+LEAST_GAIN, FRICTION_GAIN = 1e-6, 1e9  # of the motors at rest with a limit that are dry friction
+GIVES_WAY = 1e-6  # of its size: by how much a contact gives way to the weight of the mechanism
+DISSIPATION = 1e3  # of contacts: what hits with more than 1 mm/s parts with less than that [s/m]
+LOST_STEPS = 10.0  # steps in which gravity gives the speed of a bounce that may be lost
+CORNER_SHARE = 1e-3  # radius of a ball in the corner of a box, in its least half side
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 SINGLE = {"hinge": tree.RevoluteJoint, "slide": tree.PrismaticJoint}
 SPRINGS = {"hinge": tree.RevoluteSpring, "slide": tree.PrismaticSpring}
 FLOATING, BALL = tree.QuaternionFloatingJoint, tree.BallRpyJoint
@@ -35,18 +45,27 @@ class DrakeRun:
         acts = any(o.limits or o.is_forced or o.spring[1:].any() for o in mechanism.joints)
         if self.exact and (held or acts or any(one.share.size > 1 for one in mechanism.loads)):
             raise host.Refused("other than free trees with linear springs in continuous time")
-        self.plant = plant.MultibodyPlant(0.0 if self.exact else mechanism.step)
+        builder, approximation = DiagramBuilder(), plant.DiscreteContactApproximation.kSap
+        if mechanism.contacts:
+            self.plant, self.scene = plant.AddMultibodyPlantSceneGraph(builder, mechanism.step)
+            approximation = plant.DiscreteContactApproximation.kLagged
+        else:
+            self.plant = plant.MultibodyPlant(0.0 if self.exact else mechanism.step)
         if not (settings["defaults"] or self.exact):
-            self.plant.set_discrete_contact_approximation(plant.DiscreteContactApproximation.kSap)
+            self.plant.set_discrete_contact_approximation(approximation)
         self.plant.mutable_gravity_field().set_gravity_vector(mechanism.gravity)
         self.armatures = host.armatures_with_rotors(mechanism, ROTOR_SHARE)
         self.bodies = [self.add_body(k, one) for k, one in enumerate(self.tree.links)]
         self.plant.WeldFrames(self.plant.world_frame(), self.bodies[0].body_frame())
         self.joints = [self.add_joint(j, one) for j, one in enumerate(self.tree.joints)]
         self.connect()
+        self.balls, self.touching = {}, set()
+        if mechanism.contacts:
+            self.add_contacts(settings["defaults"])
         self.plant.Finalize()
-        self.simulator = Simulator(self.plant)
-        self.context = self.simulator.get_mutable_context()
+        self.simulator = Simulator(builder.Build() if mechanism.contacts else self.plant)
+        root = self.simulator.get_mutable_context()
+        self.context = self.plant.GetMyMutableContextFromRoot(root) if mechanism.contacts else root
         self.start()
         if self.exact:
             self.simulator.get_mutable_integrator().set_target_accuracy(ACCURACY)
@@ -83,8 +102,14 @@ class DrakeRun:
             spring = SPRINGS[one.kind](joint, one.rest - one.value, one.acting[0])
             self.plant.AddForceElement(spring)
         if one.kind in SINGLE:
-            rotor = self.plant.AddJointActuator(f"rotor {j}", joint)
+            friction = self.mechanism.friction_of(j)
+            rotor = self.plant.AddJointActuator(f"rotor {j}", joint, friction or np.inf)
             rotor.set_default_rotor_inertia(self.armatures[j])
+            if friction and self.mechanism.rest:
+                what = f"dry friction of joint {one.name!r} in a sweep"
+                raise host.Refused(f"{what}: a motor of Drake with a limit creeps while it holds")
+            if friction:
+                rotor.set_controller_gains(tree.PdControllerGains(p=LEAST_GAIN, d=FRICTION_GAIN))
         return joint
 
     def connect(self):
@@ -98,6 +123,57 @@ class DrakeRun:
                 self.plant.AddForceElement(spring)
         for one in self.mechanism.gears:
             self.plant.AddCouplerConstraint(self.joints[one.one], self.joints[one.two], one.ratio)
+
+    def add_contacts(self, defaults):
+        """Add half spaces and balls, which touch in one point each, with the friction of pairs."""
+        shapes, give = self.mechanism.shapes, GIVES_WAY * self.mechanism.size
+        self.plant.set_adjacent_bodies_collision_filters(False)
+        surfaces = host.contact_surfaces(self.mechanism, host.split_by_harmonic_mean, dict)
+        self.laws = {frozenset((one.one, one.two)): one for one in self.mechanism.contacts}
+        weight = sum(one.mass for one in self.mechanism.links) * np.linalg.norm(
+            self.mechanism.gravity
+        )
+        for k, one in enumerate(shapes):
+            friction, given = (
+                surfaces.frictions[host.surface_of(one)],
+                geometry.ProximityProperties(),
+            )
+            law = {"friction": plant.CoulombFriction(friction, friction), "properties": given}
+            stiff = {"dissipation": DISSIPATION, "point_stiffness": max(weight, 1.0) / give}
+            geometry.AddContactMaterial(**law, **({} if defaults else stiff))
+            for n, (at, ball) in enumerate(balls_of(self.mechanism, k)):
+                body, arm = self.end(one.link, one.place + one.axes @ at)
+                place = RigidTransform(RotationMatrix(one.axes), arm)
+                made = self.plant.RegisterCollisionGeometry(body, place, ball, f"{k} {n}", given)
+                self.balls[made] = k
+        for a, k in self.balls.items():
+            others = [b for b, j in self.balls.items() if frozenset((j, k)) not in self.laws]
+            apart = geometry.CollisionFilterDeclaration().ExcludeBetween(
+                geometry.GeometrySet(a), geometry.GeometrySet(others)
+            )
+            self.scene.collision_filter_manager().Apply(apart)
+
+    def refuse_bounces(self):
+        """Refuse an impact after which shapes should part, as Drake's do not."""
+        query, touching = self.plant.get_geometry_query_input_port().Eval(self.context), set()
+        lost = LOST_STEPS * np.linalg.norm(self.mechanism.gravity) * self.mechanism.step
+        for pair in query.ComputePointPairPenetration():
+            ends = self.balls[pair.id_A], self.balls[pair.id_B]
+            touching.add((pair.id_A, pair.id_B))
+            if (pair.id_A, pair.id_B) in self.touching:
+                continue
+            names, speeds = [self.mechanism.shapes[k].name for k in ends], []
+            for k, at in zip(ends, (pair.p_WCa, pair.p_WCb)):
+                link = self.mechanism.shapes[k].link
+                place, _, velocity, omega = self.read(link)
+                speeds.append(velocity + np.cross(omega, at - place) if link else np.zeros(3))
+            hit, law = (speeds[1] - speeds[0]) @ pair.nhat_BA_W, self.laws[frozenset(ends)]
+            if law.restitution * hit > lost:
+                raise host.Refused(
+                    f"an impact of {names[0]} and {names[1]} with {hit:.2g} m/s, whose restitution "
+                    f"of {law.restitution:.3g} Drake has not"
+                )
+        self.touching = touching
 
     def start(self):
         """Set coordinates and rates of the start; all coordinates are 0 if the loops are closed."""
@@ -137,11 +213,17 @@ class DrakeRun:
             push.p_BoBq_B = body.EvalPoseInWorld(self.context).inverse().multiply(place)
             pushes.append(push)
         self.plant.get_applied_generalized_force_input_port().FixValue(self.context, forces)
+        if any(map(self.mechanism.friction_of, self.mechanism.singles)):
+            now = [self.joint(j)[0] for j in self.mechanism.singles]
+            port = self.plant.get_desired_state_input_port(self.bodies[0].model_instance())
+            port.FixValue(self.context, np.concatenate([now, np.zeros(len(now))]))
         self.plant.get_applied_spatial_force_input_port().FixValue(self.context, pushes)
 
     def step(self, i):
         """Make step number i."""
         self.apply(i)
+        if self.mechanism.contacts:
+            self.refuse_bounces()
         self.number += 1  # at rest a step is repeated
         self.simulator.AdvanceTo(self.number * self.mechanism.step)
 
@@ -153,6 +235,25 @@ class DrakeRun:
             rates.append(body.EvalSpatialAccelerationInWorld(self.context))
         parts = [part for one in rates for part in (one.translational(), one.rotational())]
         return (pose.translation(), pose.rotation().matrix(), *parts)
+
+
+def balls_of(mechanism, k):
+    """Places of balls in the axes of a shape, and the balls, with which it touches half spaces.
+
+    Two shapes of Drake touch in one point, in which a box or a capsule would turn on a plane.
+    """
+    one = mechanism.shapes[k]
+    partners = {pair.one + pair.two - k for pair in mechanism.contacts if k in (pair.one, pair.two)}
+    others = {mechanism.shapes[j].kind for j in partners}
+    if one.kind == "cylinder" or (one.kind in ("box", "capsule") and others != {"plane"}):
+        raise host.Refused(f"contact of {one.name}, of which Drake has one point for two shapes")
+    if one.kind == "plane":
+        return [(np.zeros(3), geometry.HalfSpace())]
+    if one.kind == "box":
+        radius = CORNER_SHARE * one.size.min()
+        return [(sign * (one.size - radius), geometry.Sphere(radius)) for sign in CORNERS]
+    ball, ends = geometry.Sphere(one.size[0]), (-1.0, 1.0) if one.kind == "capsule" else (0.0,)
+    return [(np.array([0.0, 0.0, end * one.size[1]]), ball) for end in ends]
 
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
