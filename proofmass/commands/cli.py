@@ -729,7 +729,7 @@ def balancer_command(
 
     Writes the case with its report, design.json, and the state of the search. An interrupted
     search continues where it stopped when the same command is given again. Exit codes as for
-    check.
+    check; 1 also if a joint needs a clock spring that no strip gives.
     """
     from proofmass.commands.design import design_balancer
 

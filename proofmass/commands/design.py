@@ -8,7 +8,14 @@ import numpy as np
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from proofmass.analytic.balancer.measures import TARGETS, Target, target_from_table, weight_target
+from proofmass.analytic.balancer.measures import (
+    TARGETS,
+    Target,
+    chain_of,
+    joints_without_springs,
+    target_from_table,
+    weight_target,
+)
 from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
@@ -80,7 +87,8 @@ def design_balancer(
         write_output(output / "design.json", json.dumps(record, indent=1))
         if pareto:
             write_pareto_front(task, found, output)
-        raise typer.Exit(check_design(record, others, output))
+        code = check_design(record, others, output)
+        raise typer.Exit(code or int(cannot_be_built(record)))
 
 
 def find_target(name: str) -> Target:
@@ -202,6 +210,8 @@ def print_design(record: dict[str, Any]) -> None:
     )
     for name, value in record["parameters"].items():
         print(f"  {name:<12}{value: .6f}")
+    if free := joints_without_springs(chain_of(record["parameters"])):
+        print(f"no spring needed in {' and '.join(f'joint {joint}' for joint in free)}")
     if chosen := record.get("selection"):
         joints = " | ".join(" + ".join(pair) or "none" for pair in chosen["springs"])
         print(
@@ -217,6 +227,11 @@ def print_design(record: dict[str, Any]) -> None:
             )
         else:
             print(f"joint {joint['joint']}: {joint.get('why', 'no spring')}")
+
+
+def cannot_be_built(record: dict[str, Any]) -> bool:
+    """Whether a joint needs a spring that no strip gives."""
+    return any("why" in joint for joint in record.get("clock_springs", []))
 
 
 def write_pareto_front(task: Synthesis, found: Array, folder: Path) -> None:

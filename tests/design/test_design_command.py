@@ -151,8 +151,9 @@ def test_clock_springs_have_the_stiffness_of_their_joints(tmp_path):
     strips = tmp_path / "strips.csv"
     strips.write_text(",".join(STRIP_HEADER) + "\nthick,20,2,300,4000,206,1400\n")
     answer = run_design("--free-angle", "--strips", strips, "--moment", 5, "-o", tmp_path / "out")
-    assert answer.exit_code == 0, answer.output
     design = json.loads((tmp_path / "out" / "design.json").read_text())
+    reasons = [spring["why"] for spring in design["clock_springs"] if "why" in spring]
+    assert answer.exit_code == int(bool(reasons)), answer.output
     moments = solve(precision_points(90), **design["parameters"])
     (thick,) = read_strips(strips)
     for joint, spring in enumerate(design["clock_springs"], 1):

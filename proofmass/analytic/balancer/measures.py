@@ -571,6 +571,18 @@ def compare_friction_loop(b: Balancer, parameters: dict[str, Any]) -> dict[str, 
     }
 
 
+def joints_without_springs(b: Balancer) -> list[int]:
+    """Numbers of the joints, from 1, whose springs have no moment at any deflection.
+
+    >>> chain = {"length1": 0.5, "length2": 0.3, "length3": 0.4}
+    >>> chain |= {"stiffness1": 1.0, "stiffness2": 0.0, "stiffness3": 2.0}
+    >>> joints_without_springs(chain_of(chain))
+    [2]
+    """
+    moments = np.abs(b.stiffness) + np.abs(b.quadratic) + np.abs(b.preload)
+    return (np.flatnonzero(moments[0] == 0.0) + 1).tolist()
+
+
 def describe_measures(
     b: Balancer, paths: BalancerPaths, target: str, scale: float
 ) -> dict[str, str]:
@@ -580,6 +592,8 @@ def describe_measures(
     moment, energy = balancing_moment(b, path)[0], path.energy[0]
     largest_deflections = np.degrees(np.abs(path.deflection[0]).max(axis=0))
     found = {"springs wound by": ", ".join(f"{w:.0f}°" for w in largest_deflections) + " at most"}
+    if free := joints_without_springs(b):
+        found["no spring needed"] = " and ".join(f"joint {joint}" for joint in free)
     if target:
         wanted = scale * target_for(b, target)(angle)
         found |= {
