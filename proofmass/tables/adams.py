@@ -9,7 +9,7 @@ from proofmass.base.errors import InputError
 from proofmass.tables.cells import is_plain
 from proofmass.tables.decisions import Decisions, ImportQuestion
 from proofmass.tables.foreign import Correction, ForeignColumn, ForeignTable, ImportRule
-from proofmass.tables.layout import unique
+from proofmass.tables.headers import unique
 from proofmass.tables.unit_words import NO_UNIT, read_unit
 
 STEPS_IN_TIME = ("dynamic", "kinematic", "static", "quasiStatic", "transient")

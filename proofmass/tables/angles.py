@@ -98,7 +98,7 @@ def settle_angle(table: ForeignTable, column: ForeignColumn, decisions: Decision
         f"{column.name} is in {{}}",
     )
     unit = decisions.decide(table.file, question)
-    return state_units(table, Decisions(units={column.name: unit}))
+    return table.with_column(replace(column, unit=read_unit(unit) or unit))
 
 
 def least(column: ForeignColumn) -> str:

@@ -10,7 +10,7 @@ from proofmass.tables.angles import settle_units, state_units, turn_clockwise, u
 from proofmass.tables.containers import read_container
 from proofmass.tables.decisions import Decisions
 from proofmass.tables.foreign import ForeignTable, ImportRule, be, listed
-from proofmass.tables.layout import unique
+from proofmass.tables.headers import unique
 from proofmass.tables.moments import is_moment
 from proofmass.tables.numbers import read_numbers
 from proofmass.tables.rows import order_rows, treat_empty_cells

@@ -1,6 +1,7 @@
 """Cells of headers: the name of a column, its unit, and what its name says about it."""
 
 import re
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -284,3 +285,21 @@ def without_direction(text: str) -> str:
     pattern = rf"(?:[\s_,;.-]|\bim\b|\bpositive\b)*(?<![^\W\d_])({words})(?![^\W\d_])"
     left = re.sub(pattern, "", text, flags=re.IGNORECASE)
     return re.sub(r",?\s*\bpositive$", "", left.strip(" _,;.-()[]"), flags=re.IGNORECASE)
+
+
+def unique(names: list[str]) -> list[str]:
+    """Names, each once: a second one gets a number, and one without letters is that of its place.
+
+    >>> unique(["t", "x", "x", ""])
+    ['t', 'x', 'x (2)', 'column 4']
+    """
+    seen: Counter[str] = Counter()
+    found: list[str] = []
+    for k, name in enumerate(names):
+        name = name or f"column {k + 1}"
+        seen[name] += 1
+        full = f"{name} ({seen[name]})" if seen[name] > 1 else name
+        while full in found:
+            full += "'"
+        found.append(full)
+    return found

@@ -6,7 +6,6 @@ halves of names.
 """
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,7 +13,14 @@ from proofmass.base.wording import format_list
 from proofmass.tables.cells import is_empty, is_plain, split_number
 from proofmass.tables.decisions import Decisions, ImportQuestion
 from proofmass.tables.foreign import Correction, ForeignColumn, ForeignTable, ImportRule, be
-from proofmass.tables.headers import ColumnHead, is_time_name, read_head, says_clockwise
+from proofmass.tables.header_rows import (
+    HeaderRows,
+    bare,
+    divide_header,
+    find_header,
+    padded,
+)
+from proofmass.tables.headers import ColumnHead, read_head, says_clockwise, unique
 from proofmass.tables.text import (
     COMMENT_MARKS,
     SAMPLE_LINES,
@@ -23,19 +29,15 @@ from proofmass.tables.text import (
     DataShape,
     find_shape,
     is_value,
+    row_words,
     trimmed,
 )
-from proofmass.tables.unit_words import NO_UNIT, TIME_UNITS, doubtful_unit, read_unit
+from proofmass.tables.unit_words import NO_UNIT, read_unit
 
-MAX_HEADER_ROWS = 8  # rows of a header: of motion capture five, of the inspector of Simulink six
 MIN_TABLE_ROWS = 3  # rows of numbers that are a table of their own, and no line of a preamble
 SMALL_SHARE = 0.2
 """Rows of a table over those of the largest one in a file, below which they are no table of their
 own: lines of numbers before it, or of extremes after it."""
-DATA_TYPES = frozenset("double single float float32 float64 int int32 int64 boolean string".split())
-"""Words of a row that has the types of columns."""
-TAGGED = re.compile(r"(Unit|Type|Interp|BlockPath|PortIndex|Enum|Sync)\s*:\s*(.*)")
-"""A cell of a row between header and numbers in an export of the inspector of Simulink."""
 STATED_RATE = re.compile(
     r"(\d+(?:[.,]\d+)?)\s*(?:fps\b|frames? per second|bilder/s|rows per second)|"
     r"(?:\bfps\b|frame ?rate|bildrate|sampl\w*[ _]?(?:rate|freq\w*)|abtastrate|rate_hz)"
@@ -50,8 +52,10 @@ STATED_ANGLES = {
 """Lines above a table that state the unit of all angles, such as OpenSim's ``inDegrees=yes``."""
 HALF = re.compile(r"\d+(?:[eE][-+]?\d+)?")
 """The second half of a number that its decimal comma divides."""
-RULER = re.compile(r"[-=:+_*~\s|]*")
-"""A line that is drawn below a header."""
+WHOLE_HALF = re.compile(r"\s*[-+]?\d+")
+"""Its first half."""
+COMMENT_COLUMN = "Comment"
+"""The name of a last column that LabVIEW writes for remarks, in which rows have no cells."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ def lay_out(grid: CellGrid, decisions: Decisions) -> ForeignTable:
         grid.decimal,
         stated_rate(preamble),
         stated_angle(preamble),
-        next((row.number for row in preamble if says_clockwise(words(row))), 0),
+        next((row.number for row in preamble if says_clockwise(row_words(row))), 0),
         grid.corrections,
     )
     after = rows_after(grid.rows, tables, found)
@@ -122,9 +126,10 @@ def join_decimals(grid: CellGrid, shape: DataShape) -> tuple[CellGrid, DataShape
     head = grid.rows[first - 1].cells if first else ()
     data = [row for row in grid.rows if shape.has(row)]
     halves = [cell for row in data for cell in row.cells[1 : shape.width : 2]]
+    wholes = [cell for row in data for cell in row.cells[: shape.width : 2]]
     if len(head) != shape.width // 2 or any(map(is_value, head)):
         return grid, shape
-    if not all(HALF.fullmatch(cell) for cell in halves):
+    if not all(map(HALF.fullmatch, halves)) or not all(map(WHOLE_HALF.fullmatch, wholes)):
         return grid, shape
     chosen = set(data)
     rows = tuple(
@@ -138,11 +143,6 @@ def join_decimals(grid: CellGrid, shape: DataShape) -> tuple[CellGrid, DataShape
     )
     joined = replace(grid, rows=rows, decimal=",", corrections=(*grid.corrections, told))
     return joined, DataShape(len(head), tuple(range(len(head))), shape.rows, shape.share)
-
-
-def words(row: CellRow) -> str:
-    """The words of a row."""
-    return row.text or " ".join(row.cells)
 
 
 def refuse_broken_rows(grid: CellGrid, shape: DataShape) -> None:
@@ -192,7 +192,7 @@ def find_tables(rows: Sequence[CellRow], shape: DataShape) -> list[FoundTable]:
             while start and may_lack_cells(rows[start - 1], shape):
                 start -= 1
             data += rows[start:k]
-            header = words(rows[start - 1]).strip() if start else ""
+            header = row_words(rows[start - 1]).strip() if start else ""
         else:
             among += [one for one in waiting if not one.is_blank]
         data.append(row)
@@ -216,7 +216,7 @@ def belongs(waiting: list[CellRow], header: str, last: CellRow, row: CellRow) ->
 
 def interrupts(row: CellRow, header: str) -> bool:
     """Whether a row may stand within a table: a blank one, a comment, or the header once more."""
-    text = words(row).strip()
+    text = row_words(row).strip()
     return not text or row.is_blank or text == header or text.startswith(COMMENT_MARKS)
 
 
@@ -275,32 +275,36 @@ def without_cut_row(
     number that all other rows have.
     """
     last = found.data[-1]
-    if not grid.open_end or last.number != grid.rows[-1].number or len(found.data) < 3:
+    if not grid.open_end or last.number != grid.rows[-1].number:
         return found, []
-    cells = trimmed(last, shape.width)
-    digits = {decimals(row.cells[-1]) for row in found.data[:-1] if len(row.cells) == len(cells)}
-    if len(cells) >= shape.width and (len(digits) > 1 or decimals(cells[-1]) in digits):
+    cells, place = trimmed(last, shape.width), f"{grid.place_word} {last.number}"
+    there = [row.cells for row in found.data[:-1] if len(row.cells) == len(cells)]
+    digits = {decimals(one[-1]) for one in there if not is_empty(one[-1])}
+    if len(cells) >= shape.width and decimals(cells[-1]) in digits and len(digits) == 1:
         return found, []
-    words = f"{grid.place_word} {last.number} is left out: it is cut off, and no line's end follows"
+    if len(cells) >= shape.width and len(digits) != 1:
+        words = f"{place}, the last one, has no line's end: its last number may have been cut off"
+        return found, [Correction(ImportRule.FOOTER, words)]
+    words = f"{place} is left out: it is cut off, and no line's end follows"
     return replace(found, data=found.data[:-1]), [Correction(ImportRule.FOOTER, words)]
 
 
 def decimals(cell: str) -> int:
-    """The number of letters behind the last point or comma of a cell."""
-    return len(re.split(r"[.,]", cell.strip())[-1])
+    """The number of letters behind the last point or comma of a cell; -1 without either."""
+    _, sign, behind = cell.strip().replace(",", ".").rpartition(".")
+    return len(behind) if sign else -1
 
 
 def check_lengths(grid: CellGrid, found: FoundTable, shape: DataShape) -> None:
-    """Raise InputError if a row between others lacks cells: which ones is not known."""
-    short = [k for k, row in enumerate(found.data) if len(row.cells) < shape.width]
-    full = [k for k, row in enumerate(found.data) if len(row.cells) >= shape.width]
-    wrong = next((k for k in short if full[0] < k < full[-1]), None)
-    if wrong is not None:
-        row = found.data[wrong]
-        raise ForeignTable(grid.file, (), ()).error(
-            f"{grid.place_word} {row.number}",
-            f"{len(row.cells)} cells, the rows around it have {shape.width}",
-        )
+    """Raise InputError if a row has fewer or more cells than others: which ones is not known."""
+    for row in found.data:
+        beyond = row.cells[shape.width :]
+        if len(row.cells) < shape.width or (beyond and not any(map(str.strip, beyond))):
+            raise ForeignTable(grid.file, (), ()).error(
+                f"{grid.place_word} {row.number}",
+                f"{len(row.cells)} cells, the rows around it have {shape.width}; an empty cell "
+                "needs its separator too",
+            )
 
 
 def rows_after(
@@ -309,149 +313,6 @@ def rows_after(
     """The rows behind a table that are not blank."""
     last = found.data[-1].number
     return [row for row in rows if row.number > last and not row.is_blank]
-
-
-def find_header(
-    above: Sequence[CellRow], shape: DataShape, grid: CellGrid
-) -> tuple[list[CellRow], list[CellRow]]:
-    """Divide the rows above a table: those of its header, and those before them.
-
-    Raises
-    ------
-    InputError
-        The row above the table names columns, and it is not clear which.
-    """
-    header: list[CellRow] = []
-    left: list[CellRow] = []
-    k = len(above)
-    while k and above[k - 1].is_blank and not header:
-        k -= 1
-    while k and len(header) < MAX_HEADER_ROWS:
-        if RULER.fullmatch(words(above[k - 1])) and not above[k - 1].is_blank:
-            k -= 1
-            continue
-        upper = above[k - 2] if k > 1 else None
-        if not header and is_statistic(above[k - 1], upper, grid, shape.width):
-            left.append(above[k - 1])
-            k -= 1
-            continue
-        row = as_header(above[k - 1], shape.width, grid.mark)
-        if row is None and not header and grid.mark in (" ", "  "):
-            require_no_names(grid, above[k - 1], shape)
-        if row is None:
-            break
-        header.insert(0, row)
-        k -= 1
-    return header, [*[row for row in above[:k] if not row.is_blank], *reversed(left)]
-
-
-def joined_brackets(cells: list[str]) -> list[str]:
-    """Cells of a header put together where a separator stood in a bracket.
-
-    >>> joined_brackets(["t [s]", "phi (deg", " cw)"])
-    ['t [s]', 'phi (deg, cw)']
-    """
-    found: list[str] = []
-    for cell in cells:
-        is_open = found and found[-1].count("(") > found[-1].count(")")
-        if is_open or (found and found[-1].count("[") > found[-1].count("]")):
-            found[-1] += f",{cell}"
-        else:
-            found.append(cell)
-    return found
-
-
-def is_statistic(row: CellRow, above: CellRow | None, grid: CellGrid, width: int) -> bool:
-    """Whether a row between header and numbers has a word, such as ``Max``, and then numbers."""
-    cells = [cell for cell in trimmed(row, width) if cell.strip()]
-    if len(cells) < 2 or is_value(cells[0]) or not all(map(is_value, cells[1:])):
-        return False
-    if above is None or (upper := as_header(above, width, grid.mark)) is None:
-        return False
-    there = [cell for cell in upper.cells if cell]
-    return len(there) >= len(cells) and (
-        not any(map(is_value, there)) or all(map(is_value, there[1:]))
-    )
-
-
-def require_no_names(grid: CellGrid, row: CellRow, shape: DataShape) -> None:
-    """Raise InputError if a row that cannot be divided among the columns has names or units."""
-    text = words(row).lstrip("#% ")
-    parts = text.split()
-    if is_time_name(parts[0]) or any(read_unit(bare(part)) for part in parts if "(" in part):
-        raise ForeignTable(grid.file, (), ()).error(
-            f"{grid.place_word} {row.number}",
-            f"{len(parts)} words for {shape.width} columns between blanks; put names with blanks "
-            "into quotation marks, or separate the cells by tabs",
-        )
-
-
-def as_header(row: CellRow, width: int, mark: str) -> CellRow | None:
-    """A row as one of a header of so many columns; None if it is none."""
-    cells = list(trimmed(row, width))
-    first = cells[0].lstrip() if cells else ""
-    sign = next((one for one in COMMENT_MARKS[:3] if first.startswith(one)), "")
-    if sign and not (sign == "%" and first == "%"):
-        cells[0] = first[len(sign) :].strip() if len(first) > len(sign) else ""
-        if not cells[0] and len(cells) == width + 1:
-            cells = cells[1:]
-    if mark == "," and len(cells) > width:
-        cells = joined_brackets(cells)
-    if mark in (" ", "  ", "") and len(cells) != width:
-        cells = resplit(row.text.strip().removeprefix(sign or "\0").strip(), width) or []
-    there = sum(bool(cell.strip()) for cell in cells)
-    if (
-        there
-        and is_value(next(filter(str.strip, cells)))
-        and 2 * sum(map(is_value, cells)) >= there
-    ):
-        return None
-    tagged = sum(bool(TAGGED.fullmatch(cell.strip())) for cell in cells)
-    if tagged or (there >= max(2, (width + 1) // 2) and len(cells) >= width - 1):
-        return replace(row, cells=tuple(cell.strip() for cell in cells))
-    if width == 1 and len(cells) == 1 and len(cells[0]) < 40 and there:
-        return replace(row, cells=(cells[0].strip(),))
-    return None
-
-
-def resplit(text: str, width: int) -> list[str] | None:
-    """The cells of a header between blanks, whose names may have blanks; None if none fit.
-
-    >>> resplit("Time (s)  Crank angle (deg)", 2), resplit('"t s" x', 2), resplit("t (s) x (m)", 2)
-    (['Time (s)', 'Crank angle (deg)'], ['t s', 'x'], ['t (s)', 'x (m)'])
-    """
-    bracketed = r"\S+?(?:\s*[(\[][^)\]]*[)\]])|\S+"
-    to_bracket = r"[^()\[\]]+[(\[][^)\]]*[)\]]"
-    quoted = r'"[^"]*"|\S+'
-    for found in (
-        re.split(r"\s{2,}|\t+", text),
-        re.split(r"\s*[,;]\s*", text),
-        re.findall(quoted, text),
-        re.findall(bracketed, text),
-        re.findall(to_bracket, text),
-    ):
-        if len(found) == width:
-            return [cell.strip('" ') for cell in found]
-    return None
-
-
-@dataclass(frozen=True)
-class HeaderRows:
-    """The rows of a header.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The names of the columns; empty without a row of names.
-    units : CellRow, optional
-        The row of units.
-    rows : tuple of CellRow
-        All rows of it.
-    """
-
-    names: tuple[str, ...]
-    units: CellRow | None
-    rows: tuple[CellRow, ...]
 
 
 def read_header(
@@ -471,10 +332,10 @@ def read_header(
         told.append(
             Correction(ImportRule.HEADER, f"there is no header; columns are called {names[0]}, ..")
         )
-    names = with_row_numbers(names, shape, found)
-    check_widths(grid, names, shape, found)
+    names = fit_names(grid, names, shape, found)
     heads = [read_head(name) for name in names]
     if header.units is not None:
+        require_all_units(grid, header.units, names)
         where = f"{grid.place_word} {header.units.number}"
         heads = [
             with_unit(grid, head, cell.strip(), where)
@@ -482,106 +343,6 @@ def read_header(
         ]
         told.append(Correction(ImportRule.UNITS, f"{where} has the units"))
     return heads, told
-
-
-def padded(cells: Sequence[str], width: int) -> list[str]:
-    """Cells of a row, with empty ones up to a width."""
-    return [*cells[:width], *[""] * (width - len(cells))]
-
-
-def divide_header(rows: list[CellRow], shape: DataShape) -> HeaderRows:
-    """Find the units, other properties and names among the rows above a table, from the last on."""
-    units: CellRow | None = None
-    k = len(rows)
-    while k:
-        row = rows[k - 1]
-        tagged = [TAGGED.fullmatch(cell) for cell in row.cells]
-        if any(tagged):
-            if any(one and one[1] == "Unit" for one in tagged):
-                told = tuple(one[2] if one and one[1] == "Unit" else "" for one in tagged)
-                units = replace(row, cells=told)
-        elif not all(cell.lower() in DATA_TYPES or not cell for cell in row.cells):
-            if units is not None or not is_unit_row(row, alone=k == 1):
-                break
-            units = row
-        k -= 1
-    end = k
-    if units is None and k > 1 and (mixed := units_below_names(rows[k - 1], rows[k - 2])):
-        names_row, units = mixed
-        return HeaderRows(names_row.cells, units, tuple(rows[k - 2 :]))
-    names = list(rows[k - 1].cells) if k else []
-    k -= bool(k)
-    while k and (needy := nameless(names, shape)):
-        above = filled(padded(rows[k - 1].cells, len(names)))
-        if not all(above[j] and not is_value(above[j]) for j in needy):
-            break
-        names = [
-            joined_name(above[j], name) if j in needy or lacks_unit(above[j], name) else name
-            for j, name in enumerate(names)
-        ]
-        k -= 1
-    if k and units is None and end and is_unit_row(rows[k - 1], alone=True):
-        units, k = rows[k - 1], k - 1
-    return HeaderRows(tuple(names), units, tuple(rows[k:]))
-
-
-def nameless(names: list[str], shape: DataShape) -> set[int]:
-    """The columns with values whose name is missing, or is that of another one too."""
-    twice = {name for name, count in Counter(names).items() if name and count > 1}
-    return {k for k in shape.values if k < len(names) and (not names[k] or names[k] in twice)}
-
-
-def lacks_unit(above: str, below: str) -> bool:
-    """Whether the upper half of a name has a unit, and the lower one has none."""
-    return bool(read_head(above).unit) and not read_head(below).written_unit
-
-
-def joined_name(above: str, below: str) -> str:
-    """The name of a column from two rows, with its unit at the end.
-
-    >>> joined_name("rocker [deg]", "measured"), joined_name("rod", "X (mm)"), joined_name("", "t")
-    ('rocker measured [deg]', 'rod X (mm)', 't')
-    """
-    head = read_head(above)
-    if below and head.unit and not read_head(below).written_unit:
-        return f"{head.name} {below} [{head.written_unit}]"
-    return " ".join(filter(None, (above, below)))
-
-
-def units_below_names(row: CellRow, above: CellRow) -> tuple[CellRow, CellRow] | None:
-    """The names and the units of two rows, of which the lower one has the name of a column too.
-
-    Where the upper row has a name, the lower one must have a unit.
-    """
-    pairs = list(zip(above.cells, row.cells, strict=False))
-    if not all(read_unit(bare(below)) for name, below in pairs if name) or all(above.cells):
-        return None
-    if not any(name for name, _ in pairs):
-        return None
-    names = tuple(name or below for name, below in pairs)
-    units = tuple(below if name else "" for name, below in pairs)
-    return replace(row, cells=names), replace(row, cells=units)
-
-
-def is_unit_row(row: CellRow, alone: bool) -> bool:
-    """Whether a row of a header has units, and no names.
-
-    `alone` is true if no other row has the names; then the first column must be in a unit of time.
-    """
-    cells = [bare(cell) for cell in row.cells if bare(cell)]
-    known = [read_unit(cell) or doubtful_unit(cell) for cell in cells]
-    others = [cell for cell, unit in zip(cells, known, strict=True) if not unit]
-    if not any(known) or any(cell.lower() not in NO_UNIT for cell in others):
-        bracketed = [cell for cell in row.cells if cell]
-        return any(known) and all(re.fullmatch(r"[\[(].*[\])]", cell) for cell in bracketed)
-    return not alone or read_unit(bare(row.cells[0])) in TIME_UNITS
-
-
-def bare(cell: str) -> str:
-    """A cell without brackets around it."""
-    cell = cell.strip()
-    found = re.fullmatch(r"[\[(<{]\s*(.*?)\s*[\])>}]", cell)
-    return found[1] if found else cell
 
 
 def with_unit(grid: CellGrid, head: ColumnHead, cell: str, where: str) -> ColumnHead:
@@ -608,12 +369,13 @@ def with_unit(grid: CellGrid, head: ColumnHead, cell: str, where: str) -> Column
     return ColumnHead(head.name, unit or "", text, clockwise)
 
 
-def filled(cells: list[str]) -> list[str]:
-    """Cells of a row in which a name holds for the empty ones behind it."""
-    found: list[str] = []
-    for cell in cells:
-        found.append(cell or (found[-1] if found else ""))
-    return found
+def require_all_units(grid: CellGrid, units: CellRow, names: list[str]) -> None:
+    """Raise InputError if a row of units has fewer or more cells than there are names."""
+    if len(trimmed(units, len(names))) != len(names):
+        raise ForeignTable(grid.file, (), ()).error(
+            f"{grid.place_word} {units.number}",
+            f"{len(units.cells)} units for {len(names)} columns; each one needs its place",
+        )
 
 
 def with_row_numbers(names: list[str], shape: DataShape, found: FoundTable) -> list[str]:
@@ -626,18 +388,34 @@ def with_row_numbers(names: list[str], shape: DataShape, found: FoundTable) -> l
     return names
 
 
-def check_widths(grid: CellGrid, names: list[str], shape: DataShape, found: FoundTable) -> None:
-    """Raise InputError if rows have more cells than the header has names."""
-    if shape.width <= len(names):
-        return
-    first = next(row for row in found.data if len(row.cells) > len(names))
-    hint = ""
-    if grid.mark == "," and shape.width == 2 * len(names):
-        hint = "; commas seem to be both separators and decimal signs: export with semicolons"
-    raise ForeignTable(grid.file, (), ()).error(
-        f"{grid.place_word} {first.number}",
-        f"{shape.width} cells, the header has {len(names)}{hint}",
-    )
+def fit_names(grid: CellGrid, names: list[str], shape: DataShape, found: FoundTable) -> list[str]:
+    """The names of as many columns as the rows of numbers have.
+
+    Raises
+    ------
+    InputError
+        There are more or fewer names than cells, which may belong to other columns then.
+    """
+    names = with_row_numbers(names, shape, found)
+    if len(names) < shape.width:
+        beyond = [row for row in found.data if any(c.strip() for c in row.cells[len(names) :])]
+        if not beyond:
+            return [*names, *[""] * (shape.width - len(names))]
+        hint = ""
+        if grid.mark == "," and shape.width == 2 * len(names):
+            hint = "; commas seem to be both separators and decimal signs: export with semicolons"
+        raise ForeignTable(grid.file, (), ()).error(
+            f"{grid.place_word} {beyond[0].number}",
+            f"{len(beyond[0].cells)} cells, the header has {len(names)}{hint}",
+        )
+    left = [name for name in names[shape.width :] if name.strip()]
+    commented = any(len(row.cells) > shape.width for row in found.data) or left == [COMMENT_COLUMN]
+    if left and not commented:
+        raise ForeignTable(grid.file, (), ()).error(
+            f"{grid.place_word} {found.data[0].number}",
+            f"{shape.width} cells, the header has {len(names)}",
+        )
+    return names
 
 
 def make_columns(heads: list[ColumnHead], data: Sequence[CellRow]) -> tuple[ForeignColumn, ...]:
@@ -655,28 +433,10 @@ def make_columns(heads: list[ColumnHead], data: Sequence[CellRow]) -> tuple[Fore
     )
 
 
-def unique(names: list[str]) -> list[str]:
-    """Names, each once: a second one gets a number, and one without letters is that of its place.
-
-    >>> unique(["t", "x", "x", ""])
-    ['t', 'x', 'x (2)', 'column 4']
-    """
-    seen: Counter[str] = Counter()
-    found: list[str] = []
-    for k, name in enumerate(names):
-        name = name or f"column {k + 1}"
-        seen[name] += 1
-        full = f"{name} ({seen[name]})" if seen[name] > 1 else name
-        while full in found:
-            full += "'"
-        found.append(full)
-    return found
-
-
 def stated_rate(preamble: list[CellRow]) -> str:
     """The rows per second that a line above a table states, or an empty text."""
     for row in preamble:
-        if found := STATED_RATE.search(words(row)):
+        if found := STATED_RATE.search(row_words(row)):
             return (found[1] or found[2]).replace(",", ".")
     return ""
 
@@ -685,7 +445,7 @@ def stated_angle(preamble: list[CellRow]) -> str:
     """The unit of angles that a line above a table states, or an empty text."""
     for row in preamble:
         for unit, pattern in STATED_ANGLES.items():
-            if pattern.search(words(row)):
+            if pattern.search(row_words(row)):
                 return unit
     return ""
 
@@ -749,11 +509,6 @@ SHOWN_LETTERS = 40  # letters of a line that are shown, so that a sentence fits 
 
 def shortened(rows: Sequence[CellRow]) -> str:
     """The beginning of the first row that has words."""
-    text = " ".join(words(rows[0]).split())
+    text = " ".join(row_words(rows[0]).split())
     more = " .." if len(text) > SHOWN_LETTERS or len(rows) > 1 else ""
     return f"{text[:SHOWN_LETTERS].strip()!r}{more}"
-
-
-def is_all_empty(column: ForeignColumn) -> bool:
-    """Whether a column has no values at all."""
-    return all(map(is_empty, column.cells))

@@ -10,13 +10,16 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 from proofmass.base.errors import InputError
+from proofmass.tables.cells import is_plain
 from proofmass.tables.decisions import Decisions, ImportQuestion
 from proofmass.tables.foreign import Correction, ImportRule
 from proofmass.tables.headers import read_head
+from proofmass.tables.layout import COMMENT_COLUMN
 from proofmass.tables.text import CellGrid, CellRow, lines_of
 
 LVM_MARK = "LabVIEW Measurement"  # the first words of such a file
 HEADER_END = "***End_of_Header***"  # the line behind a header
+X_NAME = "X_Value"  # the name of the column of times
 SEPARATORS = {"tab": "\t", "comma": ","}
 
 
@@ -43,14 +46,45 @@ def read_lvm(file: Path, text: str, decisions: Decisions, told: tuple[Correction
         for k, line in enumerate(lines)
         if start < k and (k < segment_end(lines, ends, start))
     ]
-    rows = [row for row in rows if not row.is_blank]
+    rows = [without_remark(row, rows[0]) for row in rows if not row.is_blank]
     if not rows:
         raise InputError(file, f"line {start + 1}", "no columns below this line")
+    require_names(file, rows)
     segment = segment_keys(lines, ends, start, mark)
-    grid = CellGrid(file, tuple(rows), "line", mark, keys.get("Decimal_Separator", "").strip())
+    decimal = keys.get("Decimal_Separator", "").strip()
+    open_end = not text.endswith(("\n", "\r"))
+    grid = CellGrid(file, tuple(rows), "line", mark, decimal, open_end)
     words = f"a measurement of LabVIEW: lines 1 to {start + 1} are its header"
     told = (*told, Correction(ImportRule.PREAMBLE, words))
     return with_times(replace(with_units(grid, segment), corrections=told), segment)
+
+
+def without_remark(row: CellRow, head: CellRow) -> CellRow:
+    """A row without its last cell, if that is an empty one for a remark."""
+    named = [name.strip() for name in head.cells]
+    if COMMENT_COLUMN in named and len(row.cells) > named.index(COMMENT_COLUMN) > 0:
+        last = row.cells[named.index(COMMENT_COLUMN) :]
+        if row is not head and not any(map(str.strip, last)):
+            return replace(row, cells=row.cells[: named.index(COMMENT_COLUMN)])
+    return row
+
+
+def require_names(file: Path, rows: Sequence[CellRow]) -> None:
+    """Raise InputError if the names of columns do not begin with that of the x, or lack some."""
+    names = [name.strip() for name in rows[0].cells if name.strip()]
+    width = max((len(row.cells) for row in rows[1:]), default=0)
+    moved = names[-1] == COMMENT_COLUMN and any(
+        is_plain(row.cells[len(names) - 1].replace(",", "."))
+        for row in rows[1:]
+        if len(row.cells) >= len(names)
+    )
+    if names[0] != X_NAME or moved or (names[-1] != COMMENT_COLUMN and len(names) < width):
+        raise InputError(
+            file,
+            f"line {rows[0].number}",
+            f"the names of columns begin with {X_NAME}, and end with {COMMENT_COLUMN}; some are "
+            "missing",
+        )
 
 
 def choose_segment(file: Path, lines: Sequence[str], ends: list[int], decisions: Decisions) -> int:
@@ -105,7 +139,7 @@ def with_units(grid: CellGrid, segment: dict[str, list[str]]) -> CellGrid:
     names = []
     for k, name in enumerate(head.cells):
         unit = units[k] if 0 < k < len(units) else ""
-        if name.strip() == "X_Value" and "Time" in kinds:
+        if name.strip() == X_NAME and "Time" in kinds:
             unit = "s"
         names.append(f"{name} [{unit}]" if unit and not read_head(name).written_unit else name)
     return replace(grid, rows=(replace(head, cells=tuple(names)), *data))
@@ -115,7 +149,7 @@ def with_times(grid: CellGrid, segment: dict[str, list[str]]) -> CellGrid:
     """The grid with times from the first one and the spacing, if there is no column of times."""
     head, *data = grid.rows
     there = any(row.cells[0].strip() for row in data)
-    if there or not head.cells[0].startswith("X_Value"):
+    if there or not head.cells[0].startswith(X_NAME):
         return grid
     try:
         start, step = (Decimal(segment[key][1].replace(",", ".")) for key in ("X0", "Delta_X"))

@@ -9,8 +9,7 @@ from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
 from proofmass.tables.decisions import Decisions, ImportQuestion
 from proofmass.tables.foreign import Correction, ForeignColumn, ForeignTable, ImportRule
-from proofmass.tables.headers import is_time_name, read_head
-from proofmass.tables.layout import unique
+from proofmass.tables.headers import is_time_name, read_head, unique
 
 MAX_MATRIX_COLUMNS = 200
 """Columns of a matrix: one with more of them and fewer rows has a row for each quantity."""

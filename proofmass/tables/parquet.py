@@ -5,8 +5,7 @@ from typing import Any
 
 from proofmass.base.errors import InputError
 from proofmass.tables.foreign import Correction, ForeignColumn, ForeignTable, ImportRule
-from proofmass.tables.headers import read_head
-from proofmass.tables.layout import unique
+from proofmass.tables.headers import read_head, unique
 from proofmass.tables.matlab import numbers_text
 from proofmass.tables.unit_words import read_unit
 from proofmass.tables.workbook import MAX_CELLS

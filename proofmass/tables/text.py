@@ -218,6 +218,11 @@ class DataShape:
         return bool(there) and all(map(is_value, there))
 
 
+def row_words(row: CellRow) -> str:
+    """The words of a row."""
+    return row.text or " ".join(row.cells)
+
+
 def trimmed(row: CellRow, width: int) -> tuple[str, ...]:
     """The cells of a row without empty ones beyond a width."""
     cells = row.cells

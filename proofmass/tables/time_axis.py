@@ -97,7 +97,9 @@ def time_candidates(table: ForeignTable) -> list[ForeignColumn]:
     found = []
     for column in table.columns:
         clock = any(map(is_moment, column.cells))
-        by_name = is_time_name(column.name) and (not column.unit or dimension(column.unit) == "s")
+        by_name = is_time_name(column.name) and (
+            column.unit in ("", "1") or dimension(column.unit) == "s"
+        )
         if (clock or by_name or column.unit in TIME_UNITS) and rises(numbers(column)):
             found.append(column)
     named = [column for column in found if is_time_name(column.name)]
@@ -284,6 +286,8 @@ def as_clock(table: ForeignTable, x: ForeignColumn, decisions: Decisions) -> For
     """The table whose x is in a unit, from 0 on if it counts since 1970 or is a time of day."""
     if any(map(is_moment, x.cells)):
         return from_moments(table, x, decisions)
+    if x.unit == "1" and is_time_name(x.name):
+        x = replace(x, unit="")
     if x.unit and dimension(x.unit) != "s":
         return table
     values = numbers(x)

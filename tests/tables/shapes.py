@@ -276,7 +276,7 @@ add(
     as_text(
         LVM.format(decimal=".", columns="One")
         + "X_Value\trod\tslider\tComment\n"
-        + lines([T6, PSI6, X6], "\t"),
+        + lines([T6, PSI6, [f"{X6[0]}\tstart", f"{X6[1]}\t", *X6[2:]]], "\t"),
         newline="\r\n",
     ),
     LVM_COLUMNS,
@@ -810,14 +810,10 @@ add("sweep.csv", "a sweep over an angle",
 add("no_header.csv", "no header",
     as_text(lines([T3, PSI4], ",")), {"column 1": ("", T3), "column 2": ("", PSI4)},
     says=("there is no header",))  # fmt: skip
-add("differences.txt", "first row without its last cells",
-    as_text("t [s]\tx [mm]\tv [mm/s]\n"
-            + lines([T3, X3], "\t").split("\n", 1)[0] + "\n"
-            + lines([T3[1:], X3[1:], RATE4[1:]], "\t")),
+add("differences.txt", "first row without its last cell",
+    as_text("t [s]\tx [mm]\tv [mm/s]\n" + lines([T3, X3, ["", *RATE4[1:]]], "\t")),
     {"t": ("s", T3), "x": ("mm", X3), "v": ("mm/s", ["", *RATE4[1:]])},
     says=("column v is empty in line 2, which stays",))  # fmt: skip
-
-
 add("top_extremes.csv", "extremes above the numbers",
     as_text(f"Time (s),psi (deg),x (mm)\nMax,{PSI4[by_value[-1]]},{X3[by_x[-1]]}\n"
             f"Min,{PSI4[by_value[0]]},{X3[by_x[0]]}\n" + lines([T3, PSI4, X3], ",")),
