@@ -40,6 +40,7 @@ from .mechanism import (
     NeutralSpring,
     WayToRest,
 )
+from .one_point import balls_of, refuse_bounce
 from .pair_values import (
     OVERLAP_TIME,
     contact_surfaces,
@@ -80,6 +81,7 @@ __all__ = [
     "WayToRest",
     "angles_of",
     "armatures_with_rotors",
+    "balls_of",
     "come_to_rest",
     "contact_surfaces",
     "coupled_links",
@@ -101,6 +103,7 @@ __all__ = [
     "pivot_of",
     "planar_contacts",
     "record",
+    "refuse_bounce",
     "refuse_gears",
     "refuse_lost_inertia",
     "refuse_rows",

@@ -128,6 +128,13 @@ def test_dry_friction_is_a_motor_with_a_limit() -> None:
     assert error("slider_crank_released", "rad") < 1e-3
 
 
+@pytest.mark.parametrize("name", ["pendulum_friction", "block_slides"])
+def test_friction_in_continuous_time_is_refused(name: str) -> None:
+    """The integrator has neither contacts nor motors with a limit."""
+    with pytest.raises(Unsupported, match="continuous time"):
+        simulate(name, scheme="continuous")
+
+
 def test_dry_friction_in_a_sweep_is_refused() -> None:
     """The motor creeps while it holds: in many steps to a rest by a hundredth of the range."""
     case = shipped_case(shipped("shaft_pendulum.toml"))

@@ -179,7 +179,7 @@ SHAPES = {
 REFUSED = {
     ("box2d", "capsule along"): "capsule 'one', a segment with round ends",
     ("box2d", "capsule upright"): "capsule 'one', a segment with round ends",
-    ("drake", "cylinder across"): "of which Drake has one point",
+    ("drake", "cylinder across"): "which touches in one point only",
 }
 """What an engine has not."""
 
@@ -194,7 +194,7 @@ def test_a_shape_falls_on_its_surface(engine, shape, floor, level, tmp_path):
     file.write_text(FALLS.format(**text))
     run = Run("dynamics", np.linspace(0.0, 0.4, 21), channels=("place.x", "place.z"))
     boxes = engine == PLASTIC and floor == "box"  # which it has beside half spaces alone
-    if why := REFUSED.get((engine, shape)) or ("of which Drake has one point" if boxes else ""):
+    if why := REFUSED.get((engine, shape)) or ("which touches in one point only" if boxes else ""):
         with pytest.raises(Unsupported, match=re.escape(why)):
             simulate(engine, file, run)
         return

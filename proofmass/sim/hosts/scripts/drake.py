@@ -26,9 +26,6 @@ CLOSING_SHARE = 0.5  # of the opening of a loop that a step of SAP closes: it re
 LEAST_GAIN, FRICTION_GAIN = 1e-6, 1e9  # of the motors at rest with a limit that are dry friction
 GIVES_WAY = 1e-6  # of its size: by how much a contact gives way to the weight of the mechanism
 DISSIPATION = 1e3  # of contacts: what hits with more than 1 mm/s parts with less than that [s/m]
-LOST_STEPS = 10.0  # steps in which gravity gives the speed of a bounce that may be lost
-CORNER_SHARE = 1e-3  # radius of a ball in the corner of a box, in its least half side
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 SINGLE = {"hinge": tree.RevoluteJoint, "slide": tree.PrismaticJoint}
 SPRINGS = {"hinge": tree.RevoluteSpring, "slide": tree.PrismaticSpring}
 FLOATING, BALL = tree.QuaternionFloatingJoint, tree.BallRpyJoint
@@ -41,8 +38,12 @@ class DrakeRun:
         self.mechanism, self.exact, self.number = mechanism, settings["scheme"] == "continuous", 0
         slack = tuple(one for one in mechanism.springs if not 0 < one.slack[0] == one.slack[1])
         self.by_hand, self.tree = replace(mechanism, springs=slack), host.one_joint_each(mechanism)
-        held = mechanism.loops or mechanism.gears or mechanism.drives or mechanism.rest or slack
-        acts = any(o.limits or o.is_forced or o.spring[1:].any() for o in mechanism.joints)
+        held = mechanism.loops or mechanism.gears or mechanism.drives or mechanism.rest
+        held = held or slack or mechanism.contacts
+        acts = any(
+            one.limits or one.friction or one.is_forced or one.spring[1:].any()
+            for one in mechanism.joints
+        )
         if self.exact and (held or acts or any(one.share.size > 1 for one in mechanism.loads)):
             raise host.Refused("other than free trees with linear springs in continuous time")
         builder, approximation = DiagramBuilder(), plant.DiscreteContactApproximation.kSap
@@ -59,7 +60,7 @@ class DrakeRun:
         self.plant.WeldFrames(self.plant.world_frame(), self.bodies[0].body_frame())
         self.joints = [self.add_joint(j, one) for j, one in enumerate(self.tree.joints)]
         self.connect()
-        self.balls, self.touching = {}, set()
+        self.parts, self.touching = {}, set()
         if mechanism.contacts:
             self.add_contacts(settings["defaults"])
         self.plant.Finalize()
@@ -126,53 +127,42 @@ class DrakeRun:
 
     def add_contacts(self, defaults):
         """Add half spaces and balls, which touch in one point each, with the friction of pairs."""
-        shapes, give = self.mechanism.shapes, GIVES_WAY * self.mechanism.size
+        mechanism, filters = self.mechanism, self.scene.collision_filter_manager()
         self.plant.set_adjacent_bodies_collision_filters(False)
-        surfaces = host.contact_surfaces(self.mechanism, host.split_by_harmonic_mean, dict)
-        self.laws = {frozenset((one.one, one.two)): one for one in self.mechanism.contacts}
-        weight = sum(one.mass for one in self.mechanism.links) * np.linalg.norm(
-            self.mechanism.gravity
-        )
-        for k, one in enumerate(shapes):
-            friction, given = (
-                surfaces.frictions[host.surface_of(one)],
+        surfaces = host.contact_surfaces(mechanism, host.split_by_harmonic_mean, dict)
+        self.laws = {(pair.one, pair.two): pair for pair in mechanism.contacts}
+        weight = sum(one.mass for one in mechanism.links) * np.linalg.norm(mechanism.gravity)
+        stiffness = max(weight, 1.0) / (GIVES_WAY * mechanism.size)
+        own = {} if defaults else {"dissipation": DISSIPATION, "point_stiffness": stiffness}
+        for k, one in enumerate(mechanism.shapes):
+            given, friction = (
                 geometry.ProximityProperties(),
+                surfaces.frictions[host.surface_of(one)],
             )
-            law = {"friction": plant.CoulombFriction(friction, friction), "properties": given}
-            stiff = {"dissipation": DISSIPATION, "point_stiffness": max(weight, 1.0) / give}
-            geometry.AddContactMaterial(**law, **({} if defaults else stiff))
-            for n, (at, ball) in enumerate(balls_of(self.mechanism, k)):
+            law = plant.CoulombFriction(friction, friction)
+            geometry.AddContactMaterial(properties=given, friction=law, **own)
+            parts = [(at, geometry.Sphere(radius)) for at, radius in host.balls_of(mechanism, k)]
+            for n, (at, part) in enumerate(parts or [(np.zeros(3), geometry.HalfSpace())]):
                 body, arm = self.end(one.link, one.place + one.axes @ at)
                 place = RigidTransform(RotationMatrix(one.axes), arm)
-                made = self.plant.RegisterCollisionGeometry(body, place, ball, f"{k} {n}", given)
-                self.balls[made] = k
-        for a, k in self.balls.items():
-            others = [b for b, j in self.balls.items() if frozenset((j, k)) not in self.laws]
-            apart = geometry.CollisionFilterDeclaration().ExcludeBetween(
-                geometry.GeometrySet(a), geometry.GeometrySet(others)
-            )
-            self.scene.collision_filter_manager().Apply(apart)
+                made = self.plant.RegisterCollisionGeometry(body, place, part, f"{k} {n}", given)
+                self.parts[made] = k
+        for one, k in self.parts.items():
+            others = [b for b, j in self.parts.items() if (min(j, k), max(j, k)) not in self.laws]
+            ends = geometry.GeometrySet(one), geometry.GeometrySet(others)
+            filters.Apply(geometry.CollisionFilterDeclaration().ExcludeBetween(*ends))
 
     def refuse_bounces(self):
         """Refuse an impact after which shapes should part, as Drake's do not."""
         query, touching = self.plant.get_geometry_query_input_port().Eval(self.context), set()
-        lost = LOST_STEPS * np.linalg.norm(self.mechanism.gravity) * self.mechanism.step
-        for pair in query.ComputePointPairPenetration():
-            ends = self.balls[pair.id_A], self.balls[pair.id_B]
-            touching.add((pair.id_A, pair.id_B))
-            if (pair.id_A, pair.id_B) in self.touching:
-                continue
-            names, speeds = [self.mechanism.shapes[k].name for k in ends], []
-            for k, at in zip(ends, (pair.p_WCa, pair.p_WCb)):
-                link = self.mechanism.shapes[k].link
-                place, _, velocity, omega = self.read(link)
-                speeds.append(velocity + np.cross(omega, at - place) if link else np.zeros(3))
-            hit, law = (speeds[1] - speeds[0]) @ pair.nhat_BA_W, self.laws[frozenset(ends)]
-            if law.restitution * hit > lost:
-                raise host.Refused(
-                    f"an impact of {names[0]} and {names[1]} with {hit:.2g} m/s, whose restitution "
-                    f"of {law.restitution:.3g} Drake has not"
-                )
+        for one in query.ComputePointPairPenetration():
+            ids, points = (one.id_A, one.id_B), (one.p_WCa, one.p_WCb)
+            touching.add(ids)
+            if ids not in self.touching:
+                ends, normal = tuple(self.parts[part] for part in ids), one.nhat_BA_W
+                if ends[0] > ends[1]:
+                    ends, points, normal = ends[::-1], points[::-1], -normal
+                host.refuse_bounce(self.mechanism, self.read, self.laws[ends], points, normal)
         self.touching = touching
 
     def start(self):
@@ -235,25 +225,6 @@ class DrakeRun:
             rates.append(body.EvalSpatialAccelerationInWorld(self.context))
         parts = [part for one in rates for part in (one.translational(), one.rotational())]
         return (pose.translation(), pose.rotation().matrix(), *parts)
-
-
-def balls_of(mechanism, k):
-    """Places of balls in the axes of a shape, and the balls, with which it touches half spaces.
-
-    Two shapes of Drake touch in one point, in which a box or a capsule would turn on a plane.
-    """
-    one = mechanism.shapes[k]
-    partners = {pair.one + pair.two - k for pair in mechanism.contacts if k in (pair.one, pair.two)}
-    others = {mechanism.shapes[j].kind for j in partners}
-    if one.kind == "cylinder" or (one.kind in ("box", "capsule") and others != {"plane"}):
-        raise host.Refused(f"contact of {one.name}, of which Drake has one point for two shapes")
-    if one.kind == "plane":
-        return [(np.zeros(3), geometry.HalfSpace())]
-    if one.kind == "box":
-        radius = CORNER_SHARE * one.size.min()
-        return [(sign * (one.size - radius), geometry.Sphere(radius)) for sign in CORNERS]
-    ball, ends = geometry.Sphere(one.size[0]), (-1.0, 1.0) if one.kind == "capsule" else (0.0,)
-    return [(np.array([0.0, 0.0, end * one.size[1]]), ball) for end in ends]
 
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
