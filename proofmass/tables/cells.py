@@ -26,6 +26,7 @@ EMPTY_WORDS = frozenset(
 ANY_NUMBER = re.compile(r"([-+]?(?:\d[\d.,' _]*|[.,]\d+)(?:[eEdD][-+]?\d{1,3})?)\s*(.*)", re.DOTALL)
 """The beginning of a cell that may be a number, with any signs for decimals and groups, and the
 rest, which may be a unit."""
+SHOWN_CELL = 40  # letters of a cell that a message shows
 PLAIN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?")
 
 
@@ -107,3 +108,13 @@ def split_number(cell: str) -> tuple[str, str] | None:
 def is_plain(cell: str) -> bool:
     """Whether a cell is a number with a decimal point, or a whole one."""
     return PLAIN.fullmatch(cell) is not None
+
+
+def shown(cell: str) -> str:
+    """A cell in a message, cut if it is long.
+
+    >>> shown("0.5"), len(shown("x" * 500)) < 50
+    ("'0.5'", True)
+    """
+    text = " ".join(cell.split())
+    return repr(text if len(text) <= SHOWN_CELL else f"{text[:SHOWN_CELL]}..")

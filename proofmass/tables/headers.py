@@ -128,7 +128,8 @@ def head_of_unit(name: str, text: str, square: bool) -> ColumnHead | None:
     if text.lower() in NO_UNIT and text and (square or text != "1") and name:
         return ColumnHead(name, "1", text)
     unit = read_unit(text)
-    if unit and not (text.lower() in SHORT_WORDS and not may_have(name, unit, square)):
+    short = text.lower() in SHORT_WORDS or text.lower() == "min"
+    if unit and (not short or may_have(name, unit, square)):
         return ColumnHead(name, unit, text)
     if doubtful_unit(text):
         return ColumnHead(name, "", text)
@@ -158,9 +159,15 @@ def is_unknown_unit(text: str) -> bool:
 
 
 def may_have(name: str, unit: str, square: bool) -> bool:
-    """Whether a column of a name may be in a unit of one letter, which may be an index instead."""
+    """Whether a column of a name may be in a unit that may be a word of the name instead.
+
+    >>> may_have("Time", "min", False), may_have("Force", "min", False), may_have("phi", "s", True)
+    (True, False, False)
+    """
     if unit in TIME_UNITS and words_of(name) & ANGLE_WORDS:
         return False
+    if unit == "min" and not words_of(name) & TIME_WORDS:
+        return False  # the smallest value
     return square or unit not in ("A", "K", "V")
 
 
@@ -203,13 +210,13 @@ def suffix_of(name: str, words: list[str]) -> str | None:
             return f"N {joined[2:]}"
         return read_unit(joined.replace("_per_", "/").replace("_2", "2").replace("_", "/"))
     word = words[0]
+    if word.lower() in ("s", "h", "min") and words_of(name) & TIME_WORDS:
+        return word.lower()
     known = UNIT_OF.get(word.lower()) or WHOLE_UNITS.get(word.lower())
     if known is None or word in ("nm", "u", "U", "in", "tr", "gr", "min", "turn", "turns"):
         return None
     if word.lower() not in SHORT_WORDS:
         return known
-    if word == "s" and words_of(name) & TIME_WORDS:
-        return "s"
     if word == "m" and name.lower() in ("x", "y", "z", "r", "pos", "position", "length"):
         return "m"
     return None

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from proofmass.base.wording import format_list
-from proofmass.tables.cells import is_empty, is_plain, split_number
+from proofmass.tables.cells import is_empty, is_plain, shown, split_number
 from proofmass.tables.decisions import Decisions, ImportQuestion
 from proofmass.tables.foreign import Correction, ForeignColumn, ForeignTable, ImportRule, be
 from proofmass.tables.header_rows import (
@@ -163,7 +163,7 @@ def refuse_broken_rows(grid: CellGrid, shape: DataShape) -> None:
         wrong = [k for k in shape.values if k < len(cells) and not_a_value(cells[k])]
         text = f"{len(cells)} cells, the rows around it have {shape.width}"
         if wrong:
-            text = f"{cells[wrong[0]].strip()!r} in cell {wrong[0] + 1} is no number"
+            text = f"{shown(cells[wrong[0]])} in cell {wrong[0] + 1} is no number"
         raise ForeignTable(grid.file, (), ()).error(place, text)
 
 

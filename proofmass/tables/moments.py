@@ -8,11 +8,15 @@ from functools import lru_cache
 
 ISO_DATE = r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})"
 LOCAL_DATE = r"(?P<a>\d{1,2})[-/.](?P<b>\d{1,2})[-/.](?P<c>\d{4})"
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+NAMED_DATE = rf"(?P<D>\d{{1,2}})[- ](?P<N>{'|'.join(MONTHS)})[a-z]*[- ](?P<Y>\d{{4}})"
 CLOCK = r"(?P<H>\d{1,3}):(?P<M>\d{2})(?::(?P<S>\d{2})(?P<f>[.,:]\d+)?)?\s*(?P<p>[AaPp]\.?[Mm]\.?)?"
 MINUTES = re.compile(r"(?P<M>\d{1,3}):(?P<S>\d{2})(?P<f>[.,]\d+)")
 """Minutes and seconds with decimals, as a stopwatch shows them."""
 ZONE = r"\s*(?P<z>Z|UTC|GMT|[-+]\d{2}:?\d{2})?"
-MOMENT = re.compile(rf"(?:(?:{ISO_DATE}|{LOCAL_DATE})[T ]+)?{CLOCK}{ZONE}")
+MOMENT = re.compile(
+    rf"(?:(?:{ISO_DATE}|{LOCAL_DATE}|{NAMED_DATE})[T ]+)?{CLOCK}{ZONE}", re.IGNORECASE
+)
 DAYS = re.compile(r"(?P<n>-?\d+) days?,? (?P<clock>.*)")
 """A duration of days and a time, as pandas writes it."""
 DAY = 86400  # [s]
@@ -53,6 +57,8 @@ def read_moment(cell: str, order: str = "dmy") -> ClockTime | None:
 
     >>> read_moment("10:00:00.005").seconds, read_moment("0 days 00:00:01.25").seconds
     (Decimal('36000.005'), Decimal('1.25'))
+    >>> read_moment("02-Jan-1970 00:00:01").seconds
+    Decimal('86401.0')
     >>> read_moment("1970-01-02 00:00:00,5").seconds, read_moment("31.12.1970 1:00 PM").order
     (Decimal('86400.5'), 'dmy')
     """
@@ -94,6 +100,9 @@ def date_of(found: re.Match[str], order: str) -> tuple[int, str]:
     epoch = date(1970, 1, 1)
     if found["y"]:
         return (date(int(found["y"]), int(found["m"]), int(found["d"])) - epoch).days, "ymd"
+    if found["N"]:
+        month = MONTHS.index(found["N"].lower()) + 1
+        return (date(int(found["Y"]), month, int(found["D"])) - epoch).days, "ymd"
     if not found["a"]:
         return 0, ""
     first, second, year = int(found["a"]), int(found["b"]), int(found["c"])

@@ -11,6 +11,7 @@ from proofmass.tables.cells import (
     NumberStyle,
     is_empty,
     is_plain,
+    shown,
     split_number,
     style_pattern,
     tidy,
@@ -106,11 +107,11 @@ def find_style(table: ForeignTable, decisions: Decisions) -> NumberStyle:
     other = next((one for one in fitting[1:] if differ(first, one, written)), None)
     if other is None:
         return first
-    shown = min(number for number in written if first.plain(number) != other.plain(number))
+    example = min(number for number in written if first.plain(number) != other.plain(number))
     question = ImportQuestion(
         "",
-        f"{shown!r} may be {first.plain(shown)} or {other.plain(shown)}: no number of the file "
-        "tells the decimal sign from the one between groups of digits",
+        f"{example!r} may be {first.plain(example)} or {other.plain(example)}: no number of the "
+        "file tells the decimal sign from the one between groups of digits",
         "--decimal {}",
         (first.decimal, other.decimal),
         "{} is the decimal sign",
@@ -143,7 +144,7 @@ def no_style(table: ForeignTable, decimal: str) -> Exception:
             number = (split_number(cell) or ("", ""))[0]
             for sign in ",.":
                 if sign in number:
-                    wrong.setdefault(sign, f"{cell!r} in {table.line(row)}, {column.name}")
+                    wrong.setdefault(sign, f"{shown(cell)} in {table.line(row)}, {column.name}")
     if decimal and wrong:
         return table.error(
             "--decimal" if len(wrong) < 2 else "",
@@ -178,7 +179,7 @@ def plain_column(table: ForeignTable, column: ForeignColumn, style: NumberStyle)
         plain = style.plain(number)
         known = not rest or read_unit(rest) is not None
         if plain is None or not known or not isfinite(float(plain)):
-            raise table.error(f"{table.line(row)}, {column.name}", f"{cell!r} is no number")
+            raise table.error(f"{table.line(row)}, {column.name}", f"{shown(cell)} is no number")
         cells.append(f"{plain} {rest}" if rest else plain)
     return replace(column, cells=tuple(cells))
 
@@ -215,7 +216,7 @@ def cells_without_unit(
         if cell and " " not in cell and float(cell) and not column.unit:
             raise table.error(
                 f"{table.line(row)}, {column.name}",
-                f"{cell!r} has no unit, and other cells of the column are in {written[0]!r}",
+                f"{shown(cell)} has no unit, and other cells of the column are in {written[0]!r}",
             )
     cells = tuple(converted(cell, unit) for cell in column.cells)
     words = f"cells of {column.name} had the unit {' or '.join(map(repr, written))} in them"

@@ -3,13 +3,14 @@
 Times are converted with `decimal`, so that nanoseconds since 1970 keep all their digits.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from itertools import pairwise
 
-from proofmass.tables.cells import is_plain
+from proofmass.tables.cells import is_plain, shown
 from proofmass.tables.decisions import Decisions, ImportQuestion
 from proofmass.tables.foreign import ForeignColumn, ForeignTable, ImportRule, be, listed
 from proofmass.tables.headers import NUMBER_OF_NAME, is_frame_name, is_time_name, words_of
@@ -27,6 +28,11 @@ their last digits are rounded."""
 RISING_SHARE = 0.9
 """Share of steps of a column of times that do not fall: a table may begin again, or its order may
 be mended later."""
+TWO_PARTS = re.compile(r"\d+:\d\d")
+"""A time of a clock that does not say which of its two parts are seconds."""
+LONGEST_STEP = 1
+"""Mean step below which a time with decimals and without a unit is in seconds: in milliseconds or
+finer units there would be more than 1000 rows per second, with decimals of these units."""
 LONG_RECORD = 1000
 """Whole numbers over which a time without a unit goes, from which on milliseconds are the default:
 few records of a mechanism last for 1000 s."""
@@ -296,14 +302,15 @@ def as_clock(table: ForeignTable, x: ForeignColumn, decisions: Decisions) -> For
         return from_epoch(table, x, since)
     if unit:
         return table.with_column(replace(x, unit=unit))
-    if any(value % 1 for value in values):
+    step = abs(values[-1] - values[0]) / (len(values) - 1)
+    if any(value % 1 for value in values) and step < LONGEST_STEP:
         words = f"{x.name} has no unit; its decimals show that it is in s"
         return table.with_column(replace(x, unit="s")).corrected(ImportRule.TIME, words)
     span = abs(values[-1] - values[0])
     answers = ("ms", "s", "us", "ns") if span >= LONG_RECORD else ("s", "ms", "us", "ns")
     question = ImportQuestion(
         x.name,
-        f"a time without a unit, in whole numbers from {x.cells[0]} to {x.cells[-1]}",
+        f"a time without a unit, from {x.cells[0]} to {x.cells[-1]} in steps of {step:.6g}",
         f"--unit {x.name}={{}}",
         answers,
         f"{x.name} is in {{}}",
@@ -370,7 +377,15 @@ def from_moments(table: ForeignTable, x: ForeignColumn, decisions: Decisions) ->
     read = [read_moment(cell) if cell else None for cell in x.cells]
     for row, (cell, moment) in enumerate(zip(x.cells, read, strict=True)):
         if cell and moment is None:
-            raise table.error(f"{table.line(row)}, {x.name}", f"{cell!r} is no time of a clock")
+            raise table.error(
+                f"{table.line(row)}, {x.name}", f"{shown(cell)} is no time of a clock"
+            )
+    if all(TWO_PARTS.fullmatch(cell.strip()) for cell in x.cells if cell):
+        raise table.error(
+            x.name,
+            f"times such as {x.cells[0]!r} may be hours and minutes, or minutes and seconds; write "
+            "them with seconds, 0:00:05, or give the rows per second, --fps 100",
+        )
     there = [moment for moment in read if moment]
     days = {moment.seconds // DAY for moment in there}
     if len(days) > 1 and any(moment.order == "dmy or mdy" for moment in there):

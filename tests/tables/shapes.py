@@ -846,6 +846,18 @@ add("keys_above.csv", "keys above a header with an empty end",
     says=("lines 1 to 2 before the table are left out: 'Model;crank;'",))  # fmt: skip
 
 
+add("datetimes.csv", "MATLAB, timetable with dates",
+    as_text("Time,psi_deg\n"
+            + lines([[f"01-May-2024 {c}" for c in clock_texts(36000)], PSI4], ",")),
+    {"Time": ("s", T3), "psi": ("deg", PSI4)},
+    says=("0 s is 01-May-2024 10:00:00.000",))  # fmt: skip
+add("hours.csv", "units in names",
+    as_text("time_h,psi_deg,load (min)\n"
+            + lines([[format(t / 3600, ".9f") for t in M.times], PSI4, X3], ",")),
+    {"time": ("h", [format(t / 3600, ".9f") for t in M.times]), "psi": ("deg", PSI4),
+     "load (min)": ("", X3)})  # fmt: skip
+
+
 def write_all(folder: Path) -> list[Path]:
     """Write all files to a folder."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -58,6 +58,12 @@ CASES: dict[str, tuple[str, str, str, Callable[[str], bool]]] = {
         lambda t: t.startswith("t [s],theta [deg]"),
     ),
     "whole times": (WHOLE, "--unit time=s", "--unit time=ms", lambda t: t.startswith("time [s]")),
+    "times of more than a second": (
+        "t,x [mm]\n" + rows([f"{16.7 * k:.1f}" for k in range(40)], SQUARES),
+        "--unit t=s",
+        "--unit t=ms",
+        lambda t: t.startswith("t [s]"),
+    ),
     "clockwise line": (
         "# angles are positive clockwise\nt [s],theta [deg]\n" + rows(TIMES, SQUARES),
         "--clockwise theta",

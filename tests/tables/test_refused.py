@@ -69,6 +69,14 @@ BAD = {
         (HEAD + "0,1\n1,2\n2,3\n3,much\n").encode(),
         ["line 5", "'much' in cell 2 is no number"],
     ),
+    "hours or minutes": (
+        ("time,x [mm]\n" + rows([f"00:{k:02}" for k in range(40)], SQUARES)).encode(),
+        ["'00:00' may be hours and minutes, or minutes and seconds", "--fps"],
+    ),
+    "dates in two orders": (
+        ("time,x [mm]\n" + "".join(f"0{k}/05/2024 10:00:00,{k}\n" for k in range(1, 9))).encode(),
+        ["may begin with the day or with the month"],
+    ),
     "a fast angle": (
         ("t [s],phi [deg]\n" + rows(TIMES, [f"{k * 250 % 360}.0" for k in range(40)])).encode(),
         ["column phi is left out", "110 deg or the rest of a turn"],

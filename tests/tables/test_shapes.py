@@ -19,6 +19,7 @@ CONVERTED_SHAPES = {
     "MATLAB, structure with time": "a number of MATLAB is no text",
     "MATLAB, To File": "a number of MATLAB is no text",
     "Parquet": "a number of Parquet is no text",
+    "MATLAB, timetable with dates": "times count from the first row on",
     "ROS, CSV": "times count from the first row on",
     "epoch": "times count from the first row on",
     "dates and times of a clock": "times count from the first row on",
