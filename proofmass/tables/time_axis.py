@@ -30,7 +30,7 @@ RISING_SHARE = 0.9
 be mended later."""
 TWO_PARTS = re.compile(r"\d+:\d\d")
 """A time of a clock that does not say which of its two parts are seconds."""
-LONGEST_STEP = 1
+LONGEST_ROW_STEP = 1
 """Mean step below which a time with decimals and without a unit is in seconds: in milliseconds or
 finer units there would be more than 1000 rows per second, with decimals of these units."""
 LONG_RECORD = 1000
@@ -303,7 +303,7 @@ def as_clock(table: ForeignTable, x: ForeignColumn, decisions: Decisions) -> For
     if unit:
         return table.with_column(replace(x, unit=unit))
     step = abs(values[-1] - values[0]) / (len(values) - 1)
-    if any(value % 1 for value in values) and step < LONGEST_STEP:
+    if any(value % 1 for value in values) and step < LONGEST_ROW_STEP:
         words = f"{x.name} has no unit; its decimals show that it is in s"
         return table.with_column(replace(x, unit="s")).corrected(ImportRule.TIME, words)
     span = abs(values[-1] - values[0])
