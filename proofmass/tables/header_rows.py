@@ -23,6 +23,8 @@ DATA_TYPES = frozenset("double single float float32 float64 int int32 int64 bool
 """Words of a row that has the types of columns."""
 TAGGED = re.compile(r"(Unit|Type|Interp|BlockPath|PortIndex|Enum|Sync)\s*:\s*(.*)")
 """A cell of a row between header and numbers in an export of the inspector of Simulink."""
+UNIT_LABELS = ("unit", "units", "einheit", "einheiten", "unité", "unidad", "unità", "jednostka")
+"""Words in front of a row of units."""
 RULER = re.compile(r"[-=:+_*~\s|]*")
 """A line that is drawn below a header."""
 
@@ -47,6 +49,10 @@ def find_header(
             k -= 1
             continue
         upper = above[k - 2] if k > 1 else None
+        if not header and is_single_word(above[k - 1], upper, grid, shape.width):
+            left.append(above[k - 1])
+            k -= 1
+            continue
         if not header and is_statistic(above[k - 1], upper, grid, shape.width):
             left.append(above[k - 1])
             k -= 1
@@ -75,6 +81,13 @@ def joined_brackets(cells: list[str]) -> list[str]:
         else:
             found.append(cell)
     return found
+
+
+def is_single_word(row: CellRow, above: CellRow | None, grid: CellGrid, width: int) -> bool:
+    """Whether a row between header and numbers has one word only, such as ``Data``."""
+    if width < 2 or sum(bool(cell.strip()) for cell in trimmed(row, width)) != 1:
+        return False
+    return above is not None and as_header(above, width, grid.mark) is not None
 
 
 def is_statistic(row: CellRow, above: CellRow | None, grid: CellGrid, width: int) -> bool:
@@ -124,7 +137,7 @@ def as_header(row: CellRow, width: int, mark: str) -> CellRow | None:
         return None
     tagged = sum(bool(TAGGED.fullmatch(cell.strip())) for cell in cells)
     if tagged or (there >= max(2, (width + 1) // 2) and len(cells) >= width - 1):
-        return replace(row, cells=tuple(cell.strip() for cell in cells))
+        return replace(row, cells=tuple(cell.strip(' "') for cell in cells))
     if width == 1 and len(cells) == 1 and len(cells[0]) < 40 and there:
         return replace(row, cells=(cells[0].strip(),))
     return None
@@ -266,7 +279,7 @@ def is_unit_row(row: CellRow, alone: bool) -> bool:
 
     `alone` is true if no other row has the names; then the first column must be in a unit of time.
     """
-    cells = [bare(cell) for cell in row.cells if bare(cell)]
+    cells = [bare(cell) for cell in row.cells if bare(cell).lower() not in ("", *UNIT_LABELS)]
     known = [read_unit(cell) or doubtful_unit(cell) for cell in cells]
     others = [cell for cell, unit in zip(cells, known, strict=True) if not unit]
     if not any(known) or any(cell.lower() not in NO_UNIT for cell in others):

@@ -858,6 +858,15 @@ add("hours.csv", "units in names",
      "load (min)": ("", X3)})  # fmt: skip
 
 
+add("labels.csv", "labels in front of the header",
+    as_text("Channel,Time,Angle\nUnits,s,deg\nData,,\n"
+            + lines([[""] * ROWS, T3, PSI4], ",")),
+    {"Time": ("s", T3), "Angle": ("deg", PSI4)}, says=("line 2 has the units",))  # fmt: skip
+add("quoted_names.txt", "quoted names between blanks",
+    as_text('"Position"\n"Time (sec)"  "Crank angle (deg)"\n' + lines([T8, PSI8], "  ")),
+    {"Time": ("s", T8), "Crank angle": ("deg", PSI8)})  # fmt: skip
+
+
 def write_all(folder: Path) -> list[Path]:
     """Write all files to a folder."""
     folder.mkdir(parents=True, exist_ok=True)
