@@ -277,11 +277,25 @@ def read_grid(file: Path, text: str, decisions: Decisions, mark: str = "") -> Ce
         rows = tuple(split_rows(text, best))
     except csv.Error as error:
         raise InputError(file, "", f"no table: {error}") from None
+    open_quote = next((row for row in rows if has_open_quote(row, best)), None)
+    if open_quote is not None:
+        raise InputError(file, f"line {open_quote.number}", "a quotation mark is not closed")
     words = f"cells are separated by {MARK_WORDS[best]}"
     told = () if best == "," else (Correction(ImportRule.SEPARATOR, words),)
     return CellGrid(
         file, rows, "line", best, open_end=not text.endswith(("\n", "\r")), corrections=told
     )
+
+
+def has_open_quote(row: CellRow, mark: str) -> bool:
+    """Whether a row of numbers goes on in the next line, or ends the text, within quotation marks.
+
+    A name may have a line break in it.
+    """
+    if not mark.strip() and mark != "\t":
+        return False
+    text = row.text
+    return text.count('"') % 2 == 1 and any(map(is_value, row.cells))
 
 
 def find_mark(text: str) -> str | None:

@@ -69,6 +69,10 @@ BAD = {
         (HEAD + "0,1\n1,2\n2,3\n3,much\n").encode(),
         ["line 5", "'much' in cell 2 is no number"],
     ),
+    "an open quotation mark": (
+        b't [s],x [mm]\n0.0,"1,000.5"\n0.1,"1,000.7"\n0.2,"1\n',
+        ["line 4", "a quotation mark is not closed"],
+    ),
     "hours or minutes": (
         ("time,x [mm]\n" + rows([f"00:{k:02}" for k in range(40)], SQUARES)).encode(),
         ["'00:00' may be hours and minutes, or minutes and seconds", "--fps"],
