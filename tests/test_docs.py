@@ -20,7 +20,7 @@ import proofmass
 from docs.make.references import page_with_references
 from proofmass import Case, check, load_case
 from proofmass.base.recorded import RecordedColumn
-from proofmass.case.case import ProfileTable
+from proofmass.case.case import PathTable, ProfileTable
 from proofmass.run.sidecar import Accuracy
 from proofmass.sim.mujoco.engine import MujocoSettings
 from proofmass.sim.protocol.engine import Engine
@@ -152,6 +152,7 @@ def test_settings_of_engines_are_documented(engine: str, model: type[BaseModel])
     [
         ("recorded", "Keys", RecordedSettings),
         ("sidecar", "Sampled profiles", ProfileTable),
+        ("sidecar", "Paths", PathTable),
         ("sidecar", "Columns", RecordedColumn),
     ],
 )

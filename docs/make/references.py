@@ -52,11 +52,21 @@ def parameters_table() -> str:
 def functions_table() -> str:
     """The functions of references that a sidecar can name, as Markdown."""
     rows = [
-        ["reference", "motion profiles", "functions for `marks`", "functions for `draw`"],
-        4 * ["---"],
+        [
+            "reference",
+            "motion profiles",
+            "[paths](#paths) of",
+            "functions for `marks`",
+            "functions for `draw`",
+        ],
+        5 * ["---"],
     ]
     for name, reference in references():
-        cells = [names_of(of) for of in (reference.profiles, reference.marks, reference.charts)]
+        profiles, marks, charts = map(
+            names_of, (reference.profiles, reference.marks, reference.charts)
+        )
+        coordinates = ", ".join(reference.inverse.curves) if reference.inverse else ""
+        cells = [profiles, coordinates, marks, charts]
         if any(cells):
             rows.append([f"`{name}`", *cells])
     return as_table(rows)

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.chart import Chart
+from proofmass.analytic.inverse import InverseProblem
 from proofmass.analytic.numerics import (
     check_count,
     check_finite,
@@ -335,6 +336,9 @@ class Reference:
         Functions of parameters that return a `Chart`, which ``[[chart]]`` names in `draw`.
     profiles : tuple of functions
         Motion profiles of its drives, which a ``[drive]`` names in `profile`.
+    inverse : InverseProblem, optional
+        How its drives lead an end point or a platform along a path of one's own; None if it does
+        not solve this problem.
     marks : tuple of functions
         Functions of the parameters that return places of the first drive by words, which a
         ``[[view]]`` names in `marks`.
@@ -366,6 +370,7 @@ class Reference:
     in_space: ClassVar[bool] = False
     charts: ClassVar[tuple[Callable[..., Chart], ...]] = ()
     profiles: ClassVar[tuple[Callable[..., Any], ...]] = ()
+    inverse: ClassVar[InverseProblem | None] = None
     marks: ClassVar[tuple[Callable[..., dict[str, float]], ...]] = ()
     own_error: ClassVar[OwnError | None] = None
 

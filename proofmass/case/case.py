@@ -144,9 +144,53 @@ class ProfileTable(Strict):
             return f"{kind} in a table of {len(column)} rows"
         return f"{kind} {column.column} of {self.file}"
 
+    def with_file(self, file: str) -> "ProfileTable":
+        """The same table with another file."""
+        return self.model_copy(update={"file": file})
+
+
+def coordinate_type(coordinate: Any) -> str:
+    """The tag of the type in which a coordinate of a path is given."""
+    return RecordedColumn.__name__ if isinstance(coordinate, str | dict | Strict) else "number"
+
+
+Coordinate = Annotated[
+    Annotated[StrictNumber, Tag("number")]
+    | Annotated[RecordedColumn, Tag(RecordedColumn.__name__)],
+    Discriminator(coordinate_type),
+]
+"""A column of a path's file, or a number that the coordinate has throughout [m or rad]."""
+
+
+class PathTable(Strict):
+    """``profile = { path = .. }``: all drives lead an end point or a platform along rows of a CSV.
+
+    The reference solves the inverse problem, see `proofmass.analytic.inverse`. `time` is the first
+    column if that is a time; without it the rows are at even times up to the drive's ``until``.
+    `x`, `y` and `phi` are columns, by default those with these names, or numbers [m, rad].  The
+    path of the file is relative to the sidecar.
+    """
+
+    path: str
+    time: RecordedColumn | None = None
+    x: Coordinate | None = None
+    y: Coordinate | None = None
+    phi: Coordinate | None = None
+
+    @property
+    def file(self) -> str:
+        """The name of the file."""
+        return self.path
+
+    def with_file(self, file: str) -> "PathTable":
+        """The same table with another file."""
+        return self.model_copy(update={"path": file})
+
 
 def profile_type(profile: Any) -> str:
     """The tag of the type in which a profile is given."""
+    if isinstance(profile, PathTable) or (isinstance(profile, dict) and "path" in profile):
+        return PathTable.__name__
     if isinstance(profile, dict | ProfileTable):
         return ProfileTable.__name__
     return "str" if isinstance(profile, str) else "tuple"
@@ -155,7 +199,8 @@ def profile_type(profile: Any) -> str:
 Profile = Annotated[
     Annotated[str, Tag("str")]
     | Annotated[tuple[str, str, str], Tag("tuple")]
-    | Annotated[ProfileTable, Tag(ProfileTable.__name__)],
+    | Annotated[ProfileTable, Tag(ProfileTable.__name__)]
+    | Annotated[PathTable, Tag(PathTable.__name__)],
     Discriminator(profile_type),
 ]
 
@@ -166,9 +211,10 @@ class DriveTable(Strict):
     The first drive has one of: ``from``, ``to`` and ``rate`` (constant speed); ``from``, ``to`` and
     ``period`` (a swing to and fro); ``profile`` with ``until``, a function of the reference's
     module; ``profile`` as three columns of a recorded reference (value, rate, acceleration), or as
-    a table that names a file, see `ProfileTable`.  Another drive with ``from`` and ``to`` moves in
-    proportion to the first drive's progress (`to` may equal `from`: it does not move); one with
-    only a joint takes its row of the first drive's profile.
+    a table that names a file, see `ProfileTable`, or a path of all drives, see `PathTable`.
+    Another drive with ``from`` and ``to`` moves in proportion to the first drive's progress (`to`
+    may equal `from`: it does not move); one with only a joint takes its row of the first drive's
+    profile.
     """
 
     joint: str
@@ -184,12 +230,14 @@ class DriveTable(Strict):
     @classmethod
     def _named(cls, profile: Any) -> Any:
         columns = isinstance(profile, list | tuple) and [type(c) for c in profile] == [str] * 3
-        known = profile is None or columns or isinstance(profile, str | dict | ProfileTable)
+        tables = str | dict | ProfileTable | PathTable
+        known = profile is None or columns or isinstance(profile, tables)
         if not known:
             raise ValueError(
                 f"{profile!r} is neither the name of a function of the reference's module "
                 f"nor three columns of a recorded curve, [value, rate, acceleration], nor a table "
-                f'with a file, {{ file = "motor.csv", rate = "omega2" }}'
+                f'with a file, {{ file = "motor.csv", rate = "omega2" }}, or with a path, '
+                f'{{ path = "line.csv" }}'
             )
         return profile
 
@@ -230,6 +278,8 @@ class DriveTable(Strict):
             raise ValueError("a profile needs until = the last time [s]")
         if self.to == self.start:
             raise ValueError("to must differ from 'from'")
+        if isinstance(self.profile, PathTable) and self.start:
+            raise ValueError("from goes with to or with a rate; a path has a start")
         followed = isinstance(self.profile, ProfileTable) and self.profile.given[0]
         if followed == "value" and self.start:
             raise ValueError("from goes with the rate of a profile; its value has a start")
@@ -241,6 +291,10 @@ class DriveTable(Strict):
         for key in ("rate", "period", "until"):
             if getattr(self, key) is not None:
                 raise ValueError(f"{key} belongs to the first drive, which leads")
+        if isinstance(self.profile, PathTable):
+            raise ValueError(
+                "path belongs to the first drive, and moves all drives; leave out this profile"
+            )
 
     @property
     def speed(self) -> float:
@@ -672,11 +726,18 @@ class Case(Strict, ShownAsHtml):
         return is_recorded(self.reference)
 
     @property
-    def sampled_profiles(self) -> tuple[tuple[str, ProfileTable], ...]:
+    def sampled_profiles(self) -> tuple[tuple[str, ProfileTable | PathTable], ...]:
         """The profiles of drives and loads that are given by rows, with their keys."""
         drives = [(self.drive_key(k, "profile"), one.profile) for k, one in enumerate(self.drive)]
         loads = [(self.load_key(k, "profile"), one.profile) for k, one in enumerate(self.load)]
-        return tuple((key, one) for key, one in (*drives, *loads) if isinstance(one, ProfileTable))
+        tables = ProfileTable | PathTable
+        return tuple((key, one) for key, one in (*drives, *loads) if isinstance(one, tables))
+
+    @property
+    def path_table(self) -> PathTable | None:
+        """The path along which the drives lead an end point or a platform; None without one."""
+        leader = self.leader
+        return leader.profile if leader and isinstance(leader.profile, PathTable) else None
 
     @property
     def profile_files(self) -> tuple[Path, ...]:
@@ -745,7 +806,7 @@ class Case(Strict, ShownAsHtml):
             alone = k and drive.to is None and drive.profile is None
             if alone and drives[0].to is not None:
                 raise ValueError(f"joint {drive.joint!r} needs from and to")
-            if alone and not isinstance(drives[0].profile, str):
+            if alone and not isinstance(drives[0].profile, str | PathTable):
                 raise ValueError(
                     f"joint {drive.joint!r} needs profile = [value, rate, acceleration], "
                     f"three columns of its own"

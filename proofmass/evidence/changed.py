@@ -18,7 +18,7 @@ from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
 from proofmass.base.read_once import read_once
 from proofmass.base.strict import Kind
-from proofmass.case.case import Case, DriveTable, LoadTable, ProfileTable
+from proofmass.case.case import Case, DriveTable, LoadTable, PathTable, ProfileTable
 from proofmass.reference.case_model import compiled_model
 from proofmass.reference.evaluate import evaluate
 from proofmass.reference.mobility import mobility
@@ -211,10 +211,11 @@ def with_changed_model(case: Case, changes: Changes, folder: Path) -> Case:
 
 def with_absolute_path(case: Case, table: MovedTable) -> MovedTable:
     """A drive or a load with the absolute path of the file of its motion profile."""
-    if not isinstance(table.profile, ProfileTable) or table.profile.file is None:
+    profile = table.profile
+    if not isinstance(profile, ProfileTable | PathTable) or profile.file is None:
         return table
-    file = str((case.file.parent / table.profile.file).absolute())
-    return table.model_copy(update={"profile": table.profile.model_copy(update={"file": file})})
+    file = str((case.file.parent / profile.file).absolute())
+    return table.model_copy(update={"profile": profile.with_file(file)})
 
 
 def run_with_changes(

@@ -12,8 +12,10 @@ from proofmass.case.case import Case, ProfileTable
 from proofmass.case.drive import FunctionProfile, InProportion, Samples, Steady, Swing
 from proofmass.case.profile import SampledProfile
 from proofmass.reference.find import load_reference
+from proofmass.reference.path import path_profiles
 from proofmass.reference.recorded_rows import recorded_column
 from proofmass.reference.samples import (
+    CONTROL_UNITS,
     reference_rows,
     run_samples,
     sampled_drive_profile,
@@ -23,8 +25,6 @@ from proofmass.reference.samples import (
 DriveProfile = InProportion | FunctionProfile | SampledProfile | Samples | Steady | Swing
 DRIVE_PREFIX, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
 """Names of the prescribed motion of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
-CONTROL_UNITS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
-"""SI units that the control of a motor or of a servo may have."""
 
 
 def drive_profiles(case: Case, kind: Kind) -> tuple[DriveProfile, ...]:
@@ -37,6 +37,8 @@ def drive_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
     drive, reference, leader = case.drive[k], load_reference(case), case.drive[0]
     if kind == "equilibrium":
         return Steady(drive.start, 0.0, x_is_time=True)
+    if case.path_table and drive.profile in (None, case.path_table):
+        return path_profiles(case, kind, load_profiles(case, kind))[k]
     if isinstance(drive.profile, ProfileTable):
         return sampled_drive_profile(case, kind, k)
     if drive.profile is not None or drive.to is None:
@@ -44,7 +46,7 @@ def drive_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
             key = case.drive_key(k, "profile")
             return Samples(
                 reference_rows(case, kind).x,
-                *(recorded_column(case, reference, key, c) for c in drive.profile or ()),
+                *(recorded_column(case, reference, key, str(c)) for c in drive.profile or ()),
             )
         shared = drive.profile is None or (
             k == 0 and any(d.profile is None for d in case.drive[1:])

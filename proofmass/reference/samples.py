@@ -13,15 +13,19 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.base.read_once import read_once
+from proofmass.base.recorded import RecordedColumn, read_table
 from proofmass.base.recording import PlacedRows, Recorded, Recording, RunAxis, SteadyDrive
 from proofmass.base.strict import Kind
-from proofmass.case.case import Case, ProfileTable
+from proofmass.case.case import Case, PathTable, ProfileTable
+from proofmass.case.path import path_clock, path_times
 from proofmass.case.profile import SampledProfile, make_sampled_profile, profile_clock
 from proofmass.reference.case_model import compiled_model
 from proofmass.reference.find import load_reference
 from proofmass.sim.contents import joints
 
 place_once = read_once(None)(Recording.place)
+CONTROL_UNITS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
+"""SI units that the control of a motor or of a servo may have."""
 
 
 def run_samples(case: Case, kind: Kind) -> Array:
@@ -36,6 +40,8 @@ def run_samples(case: Case, kind: Kind) -> Array:
         end = run.until or (leader.until or leader.period if leader else None)
         if end is None and leader and isinstance(leader.profile, ProfileTable):
             end = float(sampled_drive_profile(case, kind, 0).times[-1])
+        if end is None and case.path_table:
+            end = float(path_row_times(case, kind)[-1])
         return np.linspace(0.0, end or 0.0, n)
     first, last = leader.start, float(leader.to or 0.0)
     if kind == "sweep":
@@ -78,12 +84,55 @@ def shared_origin(case: Case, kind: Kind) -> float | None:
     if no drive and no load follows a file over time.
     """
     for key, profile in case.sampled_profiles:
-        if profile.file is not None:
+        if profile.file is not None and (key, profile) not in loads_at_path_rows(case):
             file = case.file.parent / profile.file
-            clock = read_profile(case, key, profile_clock, file, profile)
-            if clock.unit == "s":
+            read = path_clock if isinstance(profile, PathTable) else profile_clock
+            clock = read_profile(case, key, read, file, profile)
+            if clock is not None and clock.unit == "s":
                 return float(clock.clock_origin(time_axis(case, kind)))
     return None
+
+
+def loads_at_path_rows(case: Case) -> tuple[tuple[str, ProfileTable], ...]:
+    """The profiles of loads at the rows of the path, with their keys.
+
+    They name the file of the path and no time, which the rows of that file may not have.
+    """
+    path = case.path_table
+    if path is None:
+        return ()
+    return tuple(
+        (case.load_key(k, "profile"), one.profile)
+        for k, one in enumerate(case.load)
+        if one.profile and one.profile.file == path.file and one.profile.time is None
+    )
+
+
+def path_row_times(case: Case, kind: Kind) -> Array:
+    """Times (m,) of the rows of the path of a case, on the x of a run [s]."""
+    path, leader = case.path_table, case.leader
+    assert path is not None
+    assert leader is not None
+    found: Array = read_profile(
+        case,
+        case.drive_key(0, "profile"),
+        path_times,
+        *(case.file.parent / path.file, path),
+        *(time_axis(case, kind), shared_origin(case, kind), leader.until),
+    )
+    return found
+
+
+def profile_at_path_rows(case: Case, kind: Kind, profile: ProfileTable) -> ProfileTable:
+    """The profile of a load with its column read at the rows of the path, as lists of numbers."""
+    assert profile.file is not None
+    table = read_table(case.file.parent / profile.file)
+    kind_of_column, column = profile.given
+    assert isinstance(column, RecordedColumn)
+    table.require(column, *CONTROL_UNITS)
+    values = tuple(table.curve(column).tolist())
+    rows = {"time": tuple(path_row_times(case, kind).tolist()), kind_of_column: values}
+    return ProfileTable.model_validate({**rows, "interpolation": profile.interpolation})
 
 
 def reference_rows(case: Case, kind: Kind) -> PlacedRows:
@@ -119,6 +168,8 @@ def sampled_profile(
     `start` and `units` are those of `make_sampled_profile`.
     """
     axis, origin = time_axis(case, kind), shared_origin(case, kind)
+    if (key, profile) in loads_at_path_rows(case):
+        profile = read_profile(case, key, profile_at_path_rows, case, kind, profile)
     found: SampledProfile = read_profile(
         case,
         key,

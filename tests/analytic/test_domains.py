@@ -21,6 +21,7 @@ from proofmass.analytic.contacts import (
     rolling_ball,
     sliding_block,
 )
+from proofmass.analytic.inverse import PathMotion
 from proofmass.analytic.linkages import (
     fivebar,
     fourbar,
@@ -80,6 +81,14 @@ SLIDERS = {"sliders": [2.0, 0.5, 0.2], "rate": [1.0, 2.0, 3.0], "acceleration": 
 POSE = {"pose": [2.2, 0.97, 0.0], "rate": [1.0, 2.0, 3.0], "acceleration": [0.5, 1.0, 2.0]}
 TIP = {"tip": [-0.5, 2.5], "velocity": [1.0, 2.0], "acceleration": [0.5, 1.0]}
 PATH = {"center_x": -0.5, "center_y": 2.5, "radius": 0.1, "rate": 1.0}
+
+
+def along_path(place: str, motion: dict[str, list[float]]) -> PathMotion:
+    """One place of a path with its rate and acceleration, from a motion of a tip or a pose."""
+    keys = place, "velocity" if "velocity" in motion else "rate", "acceleration"
+    return PathMotion(np.zeros(1), *(np.array(motion[key])[:, None] for key in keys))
+
+
 CORNERS = {"corner_x": -0.5, "corner_y": 2.5, "width": 0.1, "height": 0.2, "period": 2.0}
 CIRCLE = {"centre_x": 2.0, "centre_y": 1.2, "radius": 0.1, "period": 2.0}
 CALLS = [
@@ -145,6 +154,11 @@ CALLS = [
     ),
     Call(fivebar.circle, {"time": 0.5, **PATH, **FIVE, **MODES_OF_CRANKS}, shapes="row"),
     Call(fivebar.rectangle, {"time": 0.5, **CORNERS, **FIVE, **MODES_OF_CRANKS}, shapes="row"),
+    Call(
+        fivebar.follow_path,
+        {"motion": along_path("tip", TIP), **FIVE, **MODES_OF_CRANKS},
+        shapes="none",
+    ),
     Call(fivebar.properties, FIVE, shapes="none"),
     Call(fivebar.FivebarLengths, FIVE, shapes="none"),
     Call(
@@ -155,6 +169,7 @@ CALLS = [
     Call(threeprr.solve_inverse, {**POSE, **ROBOT}, rows=3),
     Call(threeprr.poses, {"sliders": SLIDERS["sliders"], **ROBOT}, rows=3),
     Call(threeprr.circle, {"time": 2.0, **CIRCLE, **ROBOT}, shapes="row"),
+    Call(threeprr.follow_path, {"motion": along_path("pose", POSE), **ROBOT}, shapes="none"),
     Call(threeprr.RobotLengths, ROBOT, shapes="none"),
     Call(
         threeprr.WorkspaceSlice,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
+from proofmass.analytic.inverse import InverseProblem, PathMotion
 from proofmass.analytic.numerics import check_finite, check_number
 from proofmass.analytic.protocol import (
     BendingStiffness,
@@ -30,6 +31,7 @@ from proofmass.analytic.rods.equilibrium import (
     newton,
     solve_direct,
 )
+from proofmass.analytic.rods.led import LED_ACCURACY, lead_along, load_parts
 from proofmass.analytic.rods.rod_pair import make_pair
 from proofmass.base.arrays import Array, Complex
 
@@ -225,6 +227,53 @@ def equilibria_at_points(
     return states
 
 
+def follow_path(
+    motion: PathMotion,
+    *,
+    theta1: float,
+    theta2: float,
+    distance: float,
+    pin_x: float,
+    pin_y: float,
+    moment1: float,
+    moment2: float,
+    push_x: float,
+    push_y: float,
+    force_x: ArrayLike = 0.0,
+    force_y: ArrayLike = 0.0,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+) -> tuple[Array, Array, Array]:
+    """Motor angles that lead the pin along a path, with their rates and accelerations.
+
+    Parameters
+    ----------
+    motion : PathMotion
+        x, y of the pin [m].
+    theta1, theta2 : angles of the motors at the equilibrium that the next parameters guess, from
+        which the pin goes straight to the first place [rad]
+    distance, pin_x, pin_y : of `solve` [m]
+    moment1, moment2, push_x, push_y : of `solve` [N m, N]
+    force_x, force_y : dead load on the pin [N], or along the path, (n,)
+    length, stiffness : of `solve` [m, N m^2]
+
+    Returns
+    -------
+    angle, rate, acceleration : ndarray (2, n)
+        [rad, rad/s, rad/s^2]; see `proofmass.analytic.rods.led.lead_along`.
+
+    Raises
+    ------
+    ValueError
+        A place is out of reach, or the equilibrium ends at a fold before it.
+    """
+    load, rate, acceleration = load_parts(motion, force_x=force_x, force_y=force_y)
+    problem = distance, length, stiffness, *load[:, 0].tolist()
+    guess = pin_x, pin_y, moment1, moment2, push_x, push_y
+    start = first_equilibrium((theta1, theta2), problem, guess)
+    return lead_along(start, motion, load, rate, acceleration)
+
+
 def solve(
     angle: ArrayLike,
     rate: ArrayLike = 0.0,
@@ -394,6 +443,7 @@ class DrivenRodPair(ClosedForm, function=solve):
         circles,
         rectangles,
     )
+    inverse = InverseProblem({"x": "pin_x", "y": "pin_y"}, follow_path, LED_ACCURACY)
 
     distance: Annotated[float, Quantity("m", Domain.NOT_NEGATIVE)]
     pin_x: Position

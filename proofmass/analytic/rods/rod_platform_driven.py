@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.chart import Chart
+from proofmass.analytic.inverse import InverseProblem, PathMotion
 from proofmass.analytic.numerics import check_count, check_finite, check_not_negative, check_number
 from proofmass.analytic.protocol import (
     Angle,
@@ -28,6 +29,7 @@ from proofmass.analytic.protocol import (
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.continuation import follow, loads_and_rates
 from proofmass.analytic.rods.equilibrium import RodState, columns, derivatives, newton
+from proofmass.analytic.rods.led import LED_ACCURACY, lead_along, load_parts
 from proofmass.analytic.rods.rod_platform import (
     MODES,
     PlatformProblem,
@@ -130,6 +132,69 @@ def constant_orientation(
         f"The platform's angle is constant, {np.degrees(start.pose[2]):.4g}°. {chart.caption}",
         True,
     )
+
+
+def follow_path(
+    motion: PathMotion,
+    *,
+    side: float,
+    theta1: float = 0.0,
+    theta2: float = 0.0,
+    theta3: float = 0.0,
+    guide1: float | None = None,
+    guide2: float | None = None,
+    guide3: float | None = None,
+    radius: float = 1.0,
+    force_x: ArrayLike = 0.0,
+    force_y: ArrayLike = 0.0,
+    moment: ArrayLike = 0.0,
+    mode: int = 1,
+    inflections: int = 1,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    rigid_extension: float = 0.0,
+    input1: float = 0.0,
+    input2: float = 0.0,
+    input3: float = 0.0,
+) -> tuple[Array, Array, Array]:
+    """Inputs that lead the platform along a path, with their rates and accelerations.
+
+    Parameters
+    ----------
+    motion : PathMotion
+        x, y [m] and phi [rad] of the platform.
+    side, theta1, theta2, theta3, guide1, guide2, guide3, radius : of `solve` [m, rad]
+    force_x, force_y, moment : dead load [N, N m], or along the path, (n,)
+    mode, inflections : of `solve`
+    length, stiffness, rigid_extension : of `solve` [m, N m^2]
+    input1, input2, input3 : q [m or rad] of the equilibrium that `mode` counts, from which the
+        platform goes straight to the first place; there `solve` must count the same mode
+
+    Returns
+    -------
+    value, rate, acceleration : ndarray (3, n)
+        [m or rad]; see `proofmass.analytic.rods.led.lead_along`.
+
+    Raises
+    ------
+    ValueError
+        As `solve`; a place is out of reach, or the equilibrium ends at a fold before it.
+    """
+    load, rate, acceleration = load_parts(motion, force_x=force_x, force_y=force_y, moment=moment)
+    first_x, first_y, first_moment = load[:, 0].tolist()
+    problem = PlatformProblem(
+        side,
+        radius,
+        length,
+        stiffness,
+        (theta1, theta2, theta3),
+        guide_directions(guide1, guide2, guide3),
+        (input1, input2, input3),
+        (first_x, first_y, first_moment),
+        inflections,
+    )
+    start = equilibrium_of_mode(problem, mode, rigid_extension)
+    return lead_along(start, motion, load, rate, acceleration)
 
 
 QUANTITIES = ("x", "y", "phi", "x_rate", "y_rate", "phi_rate", "hold1", "hold2", "hold3", "energy")
@@ -302,6 +367,7 @@ class DrivenRodPlatform(ClosedForm, function=solve):
 
     takes_load_rates = True
     charts = (constant_orientation,)
+    inverse = InverseProblem({"x": "x", "y": "y", "phi": "phi"}, follow_path, LED_ACCURACY)
 
     side: Length
     theta1: Angle

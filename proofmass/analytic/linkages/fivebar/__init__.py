@@ -1,5 +1,6 @@
 """Planar five-bar linkage with both cranks driven: motion, inverse problem, workspace, charts."""
 
+from proofmass.analytic.inverse import InverseProblem
 from proofmass.analytic.linkages.fivebar.charts import (
     crank_angles,
     singular_poses,
@@ -11,6 +12,7 @@ from proofmass.analytic.linkages.fivebar.kinematics import (
     WORKING_MODES,
     FivebarLengths,
     circle,
+    follow_path,
     jacobians,
     properties,
     rectangle,
@@ -42,6 +44,7 @@ __all__ = [
     "aspects",
     "circle",
     "crank_angles",
+    "follow_path",
     "jacobians",
     "properties",
     "reach_area",
@@ -72,6 +75,7 @@ class FiveBar(ClosedForm, function=solve, properties=properties):
         circle,
         rectangle,
     )
+    inverse = InverseProblem({"x": "tip_x", "y": "tip_y"}, follow_path)
 
     left_crank: Length
     left_coupler: Length

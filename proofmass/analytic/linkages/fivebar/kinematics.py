@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from proofmass.analytic.inverse import PathMotion
 from proofmass.analytic.linkages.bars import (
     FORCE_ENDINGS,
     LOAD_ENDINGS,
@@ -645,6 +646,50 @@ def follow_tip(tip: Complex, v: Complex, dv: Complex, **linkage: Any) -> tuple[A
         for part in ("", "_rate", "_acceleration")
     )
     return angle, rate, acceleration
+
+
+def follow_path(
+    motion: PathMotion,
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
+    left_mode: int = 1,
+    right_mode: int = 1,
+) -> tuple[Array, Array, Array]:
+    """Crank angles (left, right) that lead the tip along a path, with rates and accelerations.
+
+    Parameters
+    ----------
+    motion : PathMotion
+        x, y of the tip [m].
+    left_crank, left_coupler, right_coupler, right_crank, left_x, right_x : [m], see `solve_inverse`
+    left_mode, right_mode : working modes, see `solve_inverse`
+
+    Returns
+    -------
+    angle, rate, acceleration : ndarray (2, n)
+        [rad, rad/s, rad/s^2], exact; the angles are continuous along the path.
+
+    Raises
+    ------
+    ValueError
+        As `solve_inverse`.
+    """
+    return follow_tip(
+        *(x + 1j * y for x, y in (motion.place, motion.rate, motion.acceleration)),
+        left_crank=left_crank,
+        left_coupler=left_coupler,
+        right_coupler=right_coupler,
+        right_crank=right_crank,
+        left_x=left_x,
+        right_x=right_x,
+        left_mode=left_mode,
+        right_mode=right_mode,
+    )
 
 
 def properties(

@@ -2,6 +2,7 @@
 
 from typing import Annotated
 
+from proofmass.analytic.inverse import InverseProblem
 from proofmass.analytic.linkages.threeprr.charts import (
     direct_poses,
     leg_modes,
@@ -16,6 +17,7 @@ from proofmass.analytic.linkages.threeprr.kinematics import (
     WORKING_MODES,
     RobotLengths,
     circle,
+    follow_path,
     poses,
     solve,
     solve_inverse,
@@ -52,6 +54,7 @@ __all__ = [
     "aspects_of_slice",
     "circle",
     "direct_poses",
+    "follow_path",
     "leg_modes",
     "poses",
     "reach_area_of_place",
@@ -82,6 +85,7 @@ class ThreePrr(ClosedForm, function=solve):
         workspace_slice,
     )
     profiles = (circle,)
+    inverse = InverseProblem({"x": "x", "y": "y", "phi": "psi"}, follow_path)
 
     side: Length
     leg: Length

@@ -11,6 +11,7 @@ from math import prod
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from proofmass.analytic.inverse import PathMotion
 from proofmass.analytic.linkages.bars import drive_moment, is_requested, pin_load
 from proofmass.analytic.numerics import (
     broadcast_loads,
@@ -692,7 +693,54 @@ def circle(
         centre[2] - (1j * angle[2] - angle[1] ** 2) * arm,
     )
     motion = (np.array([p.real, p.imag, a]) for p, a in zip(point, angle, strict=True))
-    found = solve_inverse(*motion, **asdict(robot), mode=leg_mode)
+    return slider_motion(solve_inverse(*motion, **asdict(robot), mode=leg_mode))
+
+
+def follow_path(
+    motion: PathMotion,
+    *,
+    side: float,
+    leg: float,
+    guide2_x: float,
+    guide3_x: float,
+    guide3_y: float,
+    leg_mode: int = 1,
+) -> tuple[Array, Array, Array]:
+    """Positions of the three sliders that lead the platform along a path, with their derivatives.
+
+    Parameters
+    ----------
+    motion : PathMotion
+        x, y [m] of P, the platform's corner on the first leg, and its angle psi [rad].
+    side, leg, guide2_x, guide3_x, guide3_y : [m], see `solve_inverse`
+    leg_mode : the mode of `solve_inverse`
+
+    Returns
+    -------
+    position, rate, acceleration : ndarray (3, n)
+        [m, m/s, m/s^2], exact.
+
+    Raises
+    ------
+    ValueError
+        As `solve_inverse`.
+    """
+    found = solve_inverse(
+        motion.place,
+        motion.rate,
+        motion.acceleration,
+        side=side,
+        leg=leg,
+        guide2_x=guide2_x,
+        guide3_x=guide3_x,
+        guide3_y=guide3_y,
+        mode=leg_mode,
+    )
+    return slider_motion(found)
+
+
+def slider_motion(found: dict[str, Array]) -> tuple[Array, Array, Array]:
+    """Positions, rates and accelerations (3, n) of the sliders that `solve_inverse` found."""
     value, rate, acceleration = (
         np.array([found[f"slider_{k}{part}"] for k in (1, 2, 3)])
         for part in ("", "_rate", "_acceleration")
