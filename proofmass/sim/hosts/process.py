@@ -45,6 +45,8 @@ MISSING_MODULE = re.compile(r"No module named '[\w.]+'")
 """What Python says of a module that is not there."""
 STARTED_MARK = "started"
 """File that an interpreter writes into its folder when it runs: uv has got the packages."""
+LONGEST_END = 10.0
+"""Wall time in which an interpreter whose output is closed may still end by itself [s]."""
 SAID_CHARACTERS = 240
 """Characters that are kept of what an interpreter wrote before it died."""
 ENDED_BY_SIGNAL = 128
@@ -253,7 +255,13 @@ class Host:
             raise self.death(seconds) from None
 
     def death(self, seconds: float) -> Exception:
-        """The exception that says how the interpreter ended."""
+        """The exception that says how the interpreter ended.
+
+        It may still be about to end with its own exit code, when its output is closed already: to
+        close its input then would make it end otherwise.
+        """
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(LONGEST_END)
         self.close()
         code = self.process.returncode
         number = -code if code < 0 else code - ENDED_BY_SIGNAL
