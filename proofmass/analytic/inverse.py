@@ -61,6 +61,9 @@ class InverseProblem:
         names the first place that cannot be reached, and by how much it is missed.
     accuracy : float
         Error of its values as a share of their range [1]; values in between need no smaller one.
+    at_each_place : bool
+        Whether it solves each place by itself, as closed forms do, so that drives can ask it at any
+        time. Otherwise they follow polynomials through its solutions.
 
     Examples
     --------
@@ -72,6 +75,7 @@ class InverseProblem:
     curves: Mapping[str, str]
     solve: Callable[..., DriveMotion]
     accuracy: float = 1e-12
+    at_each_place: bool = False
 
     def __post_init__(self) -> None:
         for name in self.curves:

@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from proofmass.analytic.inverse import COORDINATES, PathMotion
 from proofmass.base.arrays import Array
@@ -21,8 +24,13 @@ from proofmass.base.units import same_quantity
 from proofmass.case.case import PathTable
 from proofmass.case.profile import MIN_SPLINE_ROWS, find_jump
 
-SMALLEST_RANGE = 1e-9
-"""Share of the size of a path: a coordinate that changes less is constant but for rounding."""
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+STRAIGHT_SHARE = 1e-9
+"""Share of the size of a path by which a coordinate may be off a straight line over time and counts
+as straight: rows that are printed with ten digits.  The spline would turn the last digits into an
+acceleration, of 4e-10 of the size of the path over the square of the spacing."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +56,34 @@ class EndPath:
 
     def motion(self, time: Array) -> PathMotion:
         """Places, rates and accelerations at times (n,) [s]."""
-        from scipy.interpolate import CubicSpline  # slow to load
+        place, rate, acceleration = (self.spline(time, order).T for order in range(3))
+        return PathMotion(time, place, rate, acceleration)
 
-        spline = CubicSpline(self.times, self.places, axis=1)
-        return PathMotion(time, spline(time), spline(time, 1), spline(time, 2))
+    @cached_property
+    def spline(self) -> "PPoly":
+        """The splines of all coordinates over time; straight lines where these are straight."""
+        from scipy.interpolate import CubicSpline, PPoly  # slow to load
+
+        pieces = np.array(CubicSpline(self.times, self.places.T).c)
+        for k, straight in enumerate(self.straight):
+            if straight:
+                line, slope = self.lines[0][k], self.lines[1][k]
+                pieces[:, :, k] = np.stack([0 * line[:-1], 0 * line[:-1], slope, line[:-1]])
+        return PPoly(pieces, self.times)
+
+    @cached_property
+    def lines(self) -> tuple[Array, Array]:
+        """Rows (coordinates, m) on straight lines over time, and slopes (coordinates, m - 1)."""
+        share = (self.times - self.times[0]) / (self.times[-1] - self.times[0])
+        first, way = self.places[:, :1], self.places[:, -1:] - self.places[:, :1]
+        slope = way / (self.times[-1] - self.times[0])
+        return first + way * share, np.broadcast_to(slope, (len(way), self.times.size - 1))
+
+    @property
+    def straight(self) -> NDArray[np.bool_]:
+        """Whether each coordinate (coordinates,) is a straight line over time, but for rounding."""
+        off = np.abs(self.places - self.lines[0]).max(axis=1)
+        return np.asarray(off <= STRAIGHT_SHARE * self.size)
 
     @property
     def size(self) -> float:
@@ -159,7 +191,7 @@ def read_coordinate(table: RecordedTable, path: PathTable, name: str, rows: int)
 def check_jumps(path: EndPath, coordinates: Sequence[str]) -> None:
     """Raise InputError for the first row after which a coordinate jumps."""
     for name, values in zip(coordinates, path.places, strict=True):
-        if np.ptp(values) <= SMALLEST_RANGE * path.size:
+        if np.ptp(values) <= STRAIGHT_SHARE * path.size:  # constant but for rounding
             continue
         if (k := find_jump(path.times, values)) is not None:
             raise InputError(

@@ -2,11 +2,12 @@
 
 The path is solved at its rows and at places between them, until polynomials of fifth degree through
 these values, rates and accelerations agree with the solution half way between them.  The drives
-follow these polynomials.  The reference's direct problem must then give the rows back.
+follow these polynomials, or the solution itself where each place is solved by itself.  The
+reference's direct problem must then give the rows back.
 """
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -20,7 +21,7 @@ from proofmass.base.files import content_key
 from proofmass.base.read_once import read_once
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
-from proofmass.case.drive import quintic_spline
+from proofmass.case.drive import DriveState, quintic_spline
 from proofmass.case.path import EndPath, read_path
 from proofmass.case.profile import SampledProfile
 from proofmass.reference.find import (
@@ -65,6 +66,10 @@ class AskedPath:
     loads: tuple[Any, ...] = field(compare=False)
     identity: tuple[object, ...]
 
+    def loads_matter(self, parameters: Mapping[str, Any]) -> bool:
+        """Whether a load multiplies one of these parameters along the path."""
+        return any(name in parameters for load in self.case.load for name in load.scales)
+
 
 def path_profiles(case: Case, kind: Kind, loads: tuple[Any, ...]) -> tuple[SampledProfile, ...]:
     """The motion profiles of all drives of a case whose first drive has a path.
@@ -100,16 +105,67 @@ def solve_path(asked: AskedPath) -> tuple[SampledProfile, ...]:
     """Do what `path_profiles` does, once for each path."""
     led = make_led_path(asked)
     nodes, (value, rate, acceleration), error = led.refine()
-    closure = led.check_closure()
-    words = (
-        f"path {led.path.table.file.name}, {led.path.words}; a polynomial of fifth degree through "
-        f"{nodes.size} solutions of the inverse problem, off by up to {error:.1e} between them; "
-        f"{closure}"
+    rows = np.searchsorted(nodes, led.path.times)
+    closure = led.check_closure((value[:, rows], rate[:, rows], acceleration[:, rows]))
+    exact = led.problem.at_each_place and not asked.loads_matter(led.parameters)
+    between = (
+        "the inverse problem is solved at each time"
+        if exact
+        else f"a polynomial of fifth degree through {nodes.size} solutions of the inverse problem, "
+        f"off by up to {error:.1e} between them"
     )
-    return tuple(
+    words = f"path {led.path.table.file.name}, {led.path.words}; {between}; {closure}"
+    found = tuple(
         SampledProfile(nodes, quintic_spline(nodes, *rows).c, led.path.table.file.name, words)
         for rows in zip(value, rate, acceleration, strict=True)
     )
+    if not exact:
+        return found
+    return tuple(
+        LedDrive(
+            *(one.times, one.pieces, one.file, one.words),
+            solve=led.problem.solve,
+            path=led.path,
+            parameters=dict(led.parameters),
+            row=row,
+        )
+        for row, one in enumerate(found)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LedDrive(SampledProfile):
+    """A drive whose inverse problem is solved anew at each time, on the branch of its polynomials.
+
+    Attributes
+    ----------
+    solve : function
+        See `InverseProblem.solve`.
+    path : EndPath
+        The path.
+    parameters : dict
+        Its arguments [SI].
+    row : int
+        Which of its drives this one is.
+    """
+
+    solve: Callable[..., DriveMotion]
+    path: EndPath
+    parameters: dict[str, Any]
+    row: int
+
+    def __call__(self, x: Array) -> DriveState:
+        """Value, rate and acceleration at samples x of a run; beyond the rows the polynomials'."""
+        near, t = super().__call__(x), np.asarray(self.time(x), float)
+        inside = np.clip(t, self.times[0], self.times[-1])
+        motion = self.path.motion(np.atleast_1d(inside).ravel())
+        found = self.solve(motion, **self.parameters)
+        parts = [np.reshape(part[self.row], t.shape) for part in found]
+        parts[0] = parts[0] + 2.0 * np.pi * np.round((near[0] - parts[0]) / (2.0 * np.pi))
+        value, rate, acceleration = (
+            np.where(t == inside, exact, rough) for exact, rough in zip(parts, near, strict=True)
+        )
+        return value, rate, acceleration
 
 
 def make_led_path(asked: AskedPath) -> "LedPath":
@@ -293,8 +349,8 @@ class LedPath:
                 low = middle
         return high - 1, why
 
-    def check_closure(self) -> str:
-        """Words on how well the direct problem gives the rows back.
+    def check_closure(self, drives: DriveMotion) -> str:
+        """Words on how well the direct problem gives the rows back, from the drives (drives, m).
 
         Raises
         ------
@@ -303,7 +359,7 @@ class LedPath:
         """
         if self.reference.reads_model:
             return "its direct problem reads the model, and was not compared"
-        off = self.closure_errors()
+        off = self.closure_errors(drives)
         allowed = CLOSURE * self.path.size
         wrong = np.flatnonzero(~(off <= allowed))
         if not wrong.size:
@@ -322,17 +378,16 @@ class LedPath:
             f"determine the place: the direct problem is off by {off[k]:.3g} (SI)",
         )
 
-    def closure_errors(self) -> Array:
+    def closure_errors(self, drives: DriveMotion) -> Array:
         """Largest error (m,) of a coordinate by the direct problem at each row [m or rad]."""
         times = self.path.times
-        value, rate, acceleration = self.call(times)
         scaled = self.scaled(times)
         parameters = {**self.case.parameters, **{name: one[0] for name, one in scaled.items()}}
         ask = Ask(
             wanted=frozenset(self.problem.curves.values()),
             load_rates={name: one[1] for name, one in scaled.items()},
         )
-        motion = InputMotion(times, (value, rate, acceleration))
+        motion = InputMotion(times, drives)
         try:
             curves = self.reference.evaluate(parameters, motion, ask)
         except ValueError as error:

@@ -75,7 +75,7 @@ class FiveBar(ClosedForm, function=solve, properties=properties):
         circle,
         rectangle,
     )
-    inverse = InverseProblem({"x": "tip_x", "y": "tip_y"}, follow_path)
+    inverse = InverseProblem({"x": "tip_x", "y": "tip_y"}, follow_path, at_each_place=True)
 
     left_crank: Length
     left_coupler: Length

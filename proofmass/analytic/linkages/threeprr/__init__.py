@@ -85,7 +85,7 @@ class ThreePrr(ClosedForm, function=solve):
         workspace_slice,
     )
     profiles = (circle,)
-    inverse = InverseProblem({"x": "x", "y": "y", "phi": "psi"}, follow_path)
+    inverse = InverseProblem({"x": "x", "y": "y", "phi": "psi"}, follow_path, at_each_place=True)
 
     side: Length
     leg: Length
