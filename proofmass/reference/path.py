@@ -154,6 +154,11 @@ class LedDrive(SampledProfile):
     parameters: dict[str, Any]
     row: int
 
+    @property
+    def breaks(self) -> Array:
+        """Times of the rows, at which the third derivative of a coordinate jumps [s]."""
+        return self.path.times
+
     def __call__(self, x: Array) -> DriveState:
         """Value, rate and acceleration at samples x of a run; beyond the rows the polynomials'."""
         near, t = super().__call__(x), np.asarray(self.time(x), float)

@@ -1,6 +1,7 @@
 """Paths of one's own: drives by the inverse problem of a reference, and paths that are refused."""
 
 import json
+import pickle
 import re
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from proofmass.analytic.inverse import PathMotion
 from proofmass.analytic.linkages import fivebar, threeprr
 from proofmass.analytic.rods import rod_pair_driven
 from proofmass.batch.check import check
+from proofmass.case.drive import motion_source, quintic_spline
 from proofmass.commands.cli import app
 from proofmass.reference.evaluate import all_quantities
 from proofmass.reference.profiles import drive_profiles, load_profiles
@@ -129,8 +131,6 @@ def test_rates_of_rods_are_derivatives_of_their_inputs_along_a_bent_path():
     Between two places those through all three agree with the solution half way, which differences
     of the angles alone would need a twentieth of the step for.
     """
-    from proofmass.case.drive import quintic_spline
-
     case = shipped_case(shipped("rfr2_line.toml"))
     names = ("theta1", "theta2")
     given = {**case.parameters, **{key: case.drive[0].parameters[key] for key in names}}
@@ -361,6 +361,32 @@ def test_rods_that_cannot_be_led_say_where_and_by_how_much(models):
     words = bad_input(file)
     assert "away.csv: line " in words
     assert re.search(r"rod 2 is too short by [\d.e-]+ m; keep the first \d+ rows", words)
+
+
+def test_a_pin_that_motors_cannot_hold_is_refused(models):
+    """Below the circles of the source is a fold, beyond which the pin is not stable.
+
+    The inverse problem has a solution there, as the pin is given; the direct problem ends.
+    """
+    rows = [f"{0.2927527 + 0.0015 * k},{-0.340761 - 0.0015 * k}" for k in range(101)]
+    (models / "fold.csv").write_text("\n".join(["x [m],y [m]", *rows]) + "\n")
+    file = models / "rfr2_line.toml"
+    file.write_text(file.read_text().replace("rfr2_line.csv", "fold.csv"))
+    words = bad_input(file)
+    assert re.search(r"fold.csv: line \d+: row \d+ of 101, x = 0.3\d+ m", words)
+    assert "before it the path passes a singular pose" in words
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_drives_of_a_path_go_to_other_processes_and_into_programs(name):
+    """A pickled run has the same motion, and so has the table of a written program."""
+    run = prescribed_run(shipped_case(shipped(f"{name}.toml")), "sweep")
+    again = pickle.loads(pickle.dumps(run))
+    assert np.array_equal(again.motion(run.x)[0], run.motion(run.x)[0])
+    names: dict = {"np": np}
+    exec(motion_source([one.profile for one in run.drives], run.x), names)
+    t = np.linspace(run.x[0], run.x[-1], 57)
+    assert names["motion"](t)[0] == pytest.approx(run.motion(t)[0], abs=1e-9)
 
 
 GANTRY = '''
