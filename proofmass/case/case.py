@@ -938,6 +938,10 @@ class Case(Strict, ShownAsHtml):
         )
 
     def _restful(self) -> None:
+        if self.path_table:
+            raise ValueError(
+                "run.equilibrium: its drives stand still, and a path moves them; leave out this run"
+            )
         shortest = min((rod.length for rod in self.rod.values()), default=None)
         if shortest is None:
             raise ValueError("run.equilibrium needs a [rod.NAME]: it is sampled along its length")

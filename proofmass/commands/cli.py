@@ -58,7 +58,7 @@ RunTimeout = Annotated[
 ]
 Runs = StrEnum("Runs", ["dynamics", "equilibrium", "sweep"])
 Errors = StrEnum("Errors", ["position", "velocity", "acceleration", "force", "energy"])
-TableRoles = StrEnum("TableRoles", ["truth", "party", "profile"])
+TableRoles = StrEnum("TableRoles", ["truth", "party", "profile", "path"])
 DecimalSigns = StrEnum("DecimalSigns", {"point": ".", "comma": ","})
 EventRows = StrEnum("EventRows", ["after", "before"])
 EmptyRows = StrEnum("EmptyRows", ["keep", "drop"])

@@ -168,6 +168,7 @@ def sampled_profile(
     `start` and `units` are those of `make_sampled_profile`.
     """
     axis, origin = time_axis(case, kind), shared_origin(case, kind)
+    given = profile
     if (key, profile) in loads_at_path_rows(case):
         profile = read_profile(case, key, profile_at_path_rows, case, kind, profile)
     found: SampledProfile = read_profile(
@@ -176,6 +177,10 @@ def sampled_profile(
         partial(make_sampled_profile, axis=axis, origin=origin),
         *(case.file.parent, profile, start, *units),
     )
+    if profile is not given:
+        joined = found.words.removeprefix(profile.words)
+        words = f"{given.words} at the rows of the path{joined}"
+        found = replace(found, file=str(given.file), words=words)
     if kind == "sweep" and axis.steady:
         return replace(found, start=axis.steady.start, rate=axis.steady.rate)
     return found

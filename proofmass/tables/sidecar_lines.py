@@ -1,4 +1,4 @@
-"""Lines of a sidecar that use a clean table: as the truth, as a party, or as a drive's profile."""
+"""Lines of a sidecar that use a clean table: as truth, as party, as profile, or as path."""
 
 import json
 import re
@@ -18,6 +18,7 @@ class TableRole(StrEnum):
     TRUTH = "truth"
     PARTY = "party"
     PROFILE = "profile"
+    PATH = "path"
 
 
 def sidecar_lines(table: ForeignTable, name: str, role: TableRole) -> list[str]:
@@ -34,7 +35,12 @@ def sidecar_lines(table: ForeignTable, name: str, role: TableRole) -> list[str]:
     -------
     list of str
     """
-    by_role = {TableRole.TRUTH: truth, TableRole.PARTY: party, TableRole.PROFILE: profile}
+    by_role = {
+        TableRole.TRUTH: truth,
+        TableRole.PARTY: party,
+        TableRole.PROFILE: profile,
+        TableRole.PATH: path,
+    }
     return by_role[role](table, name)
 
 
@@ -90,6 +96,42 @@ def profile(table: ForeignTable, name: str) -> list[str]:
     if not found:
         lines.append("# no column is a position or a velocity of a joint")
     return lines
+
+
+def path(table: ForeignTable, name: str) -> list[str]:
+    """Lines that let all drives lead an end point or a platform along a table, under its loads."""
+    kinds = {c: dimension(c.unit or guess(c)) for c in table.columns if all(c.cells)}
+    places = {
+        letter: column
+        for letter, kind in (("x", "m"), ("y", "m"), ("phi", "rad"))
+        if (column := coordinate(letter, [c for c in kinds if kinds[c] == kind]))
+    }
+    if not {"x", "y"} <= places.keys():
+        return ["# no two columns are the places x and y of a path"]
+    parts = [f"path = {quote(name)}"] + [
+        f"{letter} = {quote(column.name) if column.unit else column_table(column)}"
+        for letter, column in places.items()
+    ]
+    lines = ["[[drive]]", 'joint = "JOINT"   # the first drive of the reference']
+    lines.append(f"profile = {{ {', '.join(parts)} }}")
+    if kinds.get(table.columns[0]) != TIME_UNIT:
+        lines.append("until = 1.0   # s, for all rows, which have no times")
+    lines += ["", "[[drive]]   # and one for each further drive, in the order of the reference"]
+    lines.append('joint = "JOINT_2"')
+    for column in (c for c, kind in kinds.items() if kind in ("N", "N m")):
+        value = quote(column.name) if column.unit else column_table(column)
+        lines += ["", "[[load]]", f'actuator = "MOTOR"   # that applies {column.name}']
+        lines.append(f"profile = {{ file = {quote(name)}, value = {value} }}")
+        lines.append(
+            'scales = "PARAMETER"   # 1 in [parameters]; leave it out without a closed form'
+        )
+    return lines
+
+
+def coordinate(letter: str, columns: list[ForeignColumn]) -> ForeignColumn | None:
+    """The column that has a coordinate in its name; for an angle the first one else."""
+    named = (column for column in columns if letter in words_of(column.name))
+    return next(named, columns[0] if columns and letter == "phi" else None)
 
 
 def drive_role(column: ForeignColumn) -> str:

@@ -159,6 +159,9 @@ def test_loads_of_a_file_without_times_are_at_its_rows():
     loads, times = load_profiles(case, "sweep"), times_of("threeprr_path")
     found = np.array([one(times)[0] for one in loads])
     assert found == pytest.approx(rows_of("threeprr_path")[3:], abs=1e-14)
+    assert loads[2].words.startswith(
+        "value M of threeprr_path.csv at the rows of the path, a cubic"
+    )
 
 
 def test_a_load_changes_the_motors_that_hold_the_platform_in_its_place():
@@ -282,6 +285,7 @@ def test_a_bad_path_is_named_by_its_row_and_place(fault, led):
         ({"drive": ', xx = "u"'}, "unknown key 'xx'"),
         ({"more": ", lft_mode = 1"}, "parameters.lft_mode: the inverse problem of fivebar has no"),
         ({"more": ", mode = 1"}, "has no such parameter"),
+        ({"until": "until = 2.0\nfrom = 1.0"}, "from goes with to or with a rate; a path has"),
     ],
 )
 def test_a_bad_key_of_a_path_is_named(keys, words, led):
@@ -387,6 +391,13 @@ def test_drives_of_a_path_go_to_other_processes_and_into_programs(name):
     exec(motion_source([one.profile for one in run.drives], run.x), names)
     t = np.linspace(run.x[0], run.x[-1], 57)
     assert names["motion"](t)[0] == pytest.approx(run.motion(t)[0], abs=1e-9)
+
+
+def test_an_equilibrium_run_of_a_path_is_refused(models):
+    file = models / "rfr3_path.toml"
+    text = re.sub(r"(?s)\[load\].*?(?=\[run)", "", file.read_text())
+    file.write_text(text.replace("[run.sweep]", "[run.equilibrium]"))
+    assert "run.equilibrium: its drives stand still" in bad_input(file)
 
 
 GANTRY = '''

@@ -1,21 +1,26 @@
-"""The lines that an import prints make a case that checks: as the truth, a party, or a profile.
+"""The lines that an import prints make a case that checks, in each role of a table.
 
 The model is a slider-crank with a crank of 0.1 m, at 288 degrees per second, and a rod of 0.35 m.
 The closed form of the slider's way is a root of squares, and the table has it to 1e-4 mm.
 """
 
+import re
 import tomllib
 from math import cos, pi, sin, sqrt
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from proofmass import check
 from proofmass.commands.cli import app
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import prescribed_run
 from proofmass.tables.clean import import_table
 from proofmass.tables.decisions import Decisions
 from proofmass.tables.sidecar_lines import TableRole, sidecar_lines
+from tests.shipped import shipped
 
 RATE = 288.0  # [deg/s]
 ROWS = 126
@@ -116,6 +121,41 @@ def test_a_table_is_a_profile(table: Path) -> None:
     assert outcomes(table.parent, text) == {"mujoco": "agrees"}
 
 
+def test_a_table_is_a_path_with_its_loads(tmp_path: Path) -> None:
+    """Places in mm with decimal commas lead the five-bar as its own path does."""
+    rows = [line.split(",") for line in shipped("fivebar_path.csv").read_text().splitlines()[3:]]
+    cells = "\n".join(";".join(row).replace(".", ",") for row in rows)
+    text = f"t (s);P.x (mm);P.y (mm);Fx (N);Fy (N)\n{cells}\n"
+    (tmp_path / "tip.txt").write_text(text, encoding="utf-8")
+    lines = printed_lines(tmp_path / "tip.txt", "path")
+    for placeholder, name in (("JOINT", "left"), ("JOINT_2", "right")):
+        lines = lines.replace(f'"{placeholder}"', f'"{name}"')
+    for part in "xy":
+        lines = lines.replace('"MOTOR"', f'"load_{part}"', 1)
+        lines = lines.replace('"PARAMETER"', f'"force_{part}"', 1)
+    assert "until" not in lines
+    modes = "parameters = { left_mode = 1, right_mode = -1 }"
+    lines = lines.replace('joint = "left"', f'joint = "left"\n{modes}')
+    own = shipped("fivebar_path.toml")
+    head, tail = own.read_text().split("[[drive]]", 1)[0], "\n[run.sweep]\nn = 9\n"
+    head = re.sub(r"(?m)^accuracy.*\n", "", head)
+    (tmp_path / "fivebar_path.xml").write_text(own.with_suffix(".xml").read_text())
+    (tmp_path / "led.toml").write_text(f'model = "fivebar_path.xml"\n{head}{lines}{tail}')
+    x = np.linspace(0.0, 4.0, 9)
+    one, two = (prescribed_run(load_case(file), "sweep") for file in (own, tmp_path / "led.toml"))
+    assert two.motion(x)[0] == pytest.approx(one.motion(x)[0], abs=1e-12)
+    assert two.controls(x)[0] == pytest.approx(one.controls(x)[0], abs=1e-12)
+
+
+def test_a_path_without_times_needs_its_duration(tmp_path: Path) -> None:
+    rows = "".join(f"{k / 10},{k * k / 100},{k}\n" for k in range(20))
+    (tmp_path / "a.txt").write_text("x [m],y [m],psi [deg]\n" + rows, encoding="utf-8")
+    table = import_table(tmp_path / "a.txt", Decisions())
+    told = tomllib.loads("\n".join(sidecar_lines(table, "a.csv", TableRole.PATH)))
+    assert told["drive"][0]["profile"] == {"path": "a.csv", "x": "x", "y": "y", "phi": "psi"}
+    assert told["drive"][0]["until"] == 1.0
+
+
 def test_lines_state_a_unit_where_the_file_has_none(tmp_path: Path) -> None:
     rows = "".join(f"{k / 10},{k},{k * k},\n" for k in range(20))
     (tmp_path / "a.txt").write_text("clock,x,v_x,empty\n" + rows, encoding="utf-8")
@@ -136,7 +176,7 @@ def test_columns_with_empty_cells_are_named_and_not_used(tmp_path: Path) -> None
     for role in TableRole:
         lines = "\n".join(sidecar_lines(table, "a.csv", role))
         tomllib.loads(lines)
-        assert ("# v = " in lines) == (role is not TableRole.PROFILE)
+        assert ("# v = " in lines) == (role in (TableRole.TRUTH, TableRole.PARTY))
 
 
 def test_a_recorded_file_that_is_refused_names_the_command(table: Path) -> None:
