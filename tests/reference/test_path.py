@@ -150,6 +150,11 @@ def test_rates_of_rods_are_derivatives_of_their_inputs_along_a_bent_path():
     for k in (0, 1):
         spline = quintic_spline(t[::2], *(part[k, ::2] for part in every))
         assert np.abs(spline(t[1::2]) - every[0][k, 1::2]).max() < 1e-9
+    guess = {key: value for key, value in given.items() if key not in names}
+    growth = {"force_x": np.full(t.size, 0.1)}
+    pin = rod_pair_driven.solve(*every, **guess, force_x=0.1 * t, load_rates=growth)
+    speed = 0.05 * 2j * np.pi * np.exp(2j * np.pi * t)  # of the pin, which the motors and load move
+    assert np.abs(pin["pin_vx"] + 1j * pin["pin_vy"] - speed).max() < 1e-9
     wrong = quintic_spline(t[::2], every[0][0, ::2], every[1][0, ::2], 0.0 * every[2][0, ::2])
     assert np.abs(wrong(t[1::2]) - every[0][0, 1::2]).max() > 1e-6
 
