@@ -46,8 +46,11 @@ SLOW = ("mjx", "mujoco_warp", "newton")
 """Engines that compile for minutes, and are left out: a case takes 12 to 33 s of wall time in MJX,
 and 40 to 230 s in Warp, which has no GPU here.  A four-bar with its 6480 steps takes 11 minutes of
 processor time in Newton."""
-RESTING = ("mujoco", "pymunk", "exudyn", "dart")
-"""Engines of the table of sweeps and equilibria; the others need a minute for many sweeps."""
+FAST_AT_REST = ("mujoco", "pymunk", "exudyn", "dart")
+"""Engines whose rods come to rest in the table of sweeps and equilibria; the others need minutes
+for many of these chains."""
+RODS = "rods"
+"""Folder of the cases with rods."""
 LONG = ("rod_snap", "rod_taut", "rod_wind")
 """Cases left out of that table, which were not run in all of these engines: the first two need more
 than two minutes of processor time in one of them."""
@@ -75,11 +78,14 @@ def main() -> None:
         asked = [name for name in named_engines([]) if name not in SLOW]
         flags = [word for name in asked for word in ("--engine", name)]
         run("engines", "models/", *flags, "--run", "dynamics", "-o", store / "engines")
-        flags = [word for name in RESTING for word in ("--engine", name)]
-        run("engines", *cases_at_rest(), *flags, "-o", store / "rests")
+        cases = cases_at_rest()
+        rods = [case for case in cases if case.parent.name == RODS]
+        run("engines", *(case for case in cases if case not in rods), *flags, "-o", store / "rests")
+        flags = [word for name in FAST_AT_REST for word in ("--engine", name)]
+        run("engines", *rods, *flags, "-o", store / RODS)
         cases = [f"models/{case}.toml" for case in VERSION_CASES]
         run("versions", *cases, "--engine", "mujoco", "--all", "-o", store / "versions")
-        write_page(store / "engines", store / "rests", store / "versions")
+        write_page(store)
 
 
 def run(*words: object) -> None:
@@ -97,18 +103,20 @@ def cases_at_rest() -> list[Path]:
     return [file for file in files if "dynamics" not in load_case(file).run]
 
 
-def write_page(engines: Path, rests: Path, versions: Path) -> None:
+def write_page(store: Path) -> None:
     """Write the tables of the page and its picture from the folders of all studies."""
-    results = read_engines(engines / ENGINES_TABLE)["results"]
+    results, rests, rods = (
+        read_engines(store / name / ENGINES_TABLE)["results"] for name in ("engines", "rests", RODS)
+    )
     write_tables(
         engines=engine_lines(results),
-        rests=rest_lines(read_engines(rests / ENGINES_TABLE)["results"]),
+        rests=rest_lines([*rests, *rods]),
         witnesses=witness_lines(results),
-        versions=version_lines(read_comparison(versions / VERSIONS_TABLE)),
+        versions=version_lines(read_comparison(store / "versions" / VERSIONS_TABLE)),
     )
     if CHROMIUM:
         with chromium() as browser:
-            tab = open_page(browser, engines / "index.html")
+            tab = open_page(browser, store / "engines" / "index.html")
             tab.evaluate("location.hash = 'off=contacts,rods'")  # most engines refuse contacts
             tab.reload()
             tab.wait_for_load_state()
