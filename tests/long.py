@@ -151,6 +151,9 @@ FASTER_TESTS = {
     f"{BALANCERS}/balancer_sine_nonlinear.toml::pymunk": f"{HOLDING_MOMENT_TEST}[nonlinear",
     # rods
     f"{RODS}/rfr2_circles.toml": f"{PIN_START_TEST}[rfr2_circles",
+    f"{RODS}/rfr2_line.toml": f"{RODS}/rfr2_motor_line.toml::mujoco",
+    f"{RODS}/pfr3_line.toml": f"{RODS}/rfr2_motor_line.toml::mujoco",
+    f"{RODS}/rfr3_path.toml::pymunk": f"{RODS}/rfr3_path.toml::mujoco",
     f"{RODS}/rfr2_rectangles.toml": f"{PIN_START_TEST}[rfr2_rectangles",
     f"{RODS}/rfr2_driven.toml::pymunk": (
         "tests/sim/test_rods_2rfr.py::test_poses_along_a_path_of_both_motors_are_chain_equilibria[pymunk"
