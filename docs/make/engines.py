@@ -57,6 +57,7 @@ than two minutes of processor time in one of them."""
 REST_KINDS = "position", "force"
 MARKED = {
     "rests": "python -m docs.make.engines writes the rests from here to the next mark",
+    "rods": "python -m docs.make.engines writes the rods from here to the next mark",
     "witnesses": "python -m docs.make.engines writes the witnesses from here to the next mark",
     "engines": "python -m docs.make.engines writes the engines from here to the next mark",
     "versions": "python -m docs.make.engines writes the versions from here to the next mark",
@@ -110,14 +111,15 @@ def write_page(store: Path) -> None:
     )
     write_tables(
         engines=engine_lines(results),
-        rests=rest_lines([*rests, *rods]),
+        rests=rest_lines(rests),
+        rods=rest_lines(rods),
         witnesses=witness_lines(results),
         versions=version_lines(read_comparison(store / "versions" / VERSIONS_TABLE)),
     )
     if CHROMIUM:
         with chromium() as browser:
             tab = open_page(browser, store / "engines" / "index.html")
-            tab.evaluate("location.hash = 'off=contacts,rods'")  # most engines refuse contacts
+            tab.evaluate("location.hash = 'off=rods'")
             tab.reload()
             tab.wait_for_load_state()
             few_colours(picture(tab)).save(PICTURE, optimize=True)

@@ -1,15 +1,16 @@
 """The output of an import and the table of shapes on the page "Your own data".
 
-    python -m docs.make.own_data
+    python -m docs.make.own_data [--quick]
 
 Every file of ``tests/tables/shapes.py`` is written to a temporary folder and imported.
 """
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from decimal import Decimal
 from pathlib import Path
 
+from benchmarks import command
 from docs.make.marks import write_between
 from proofmass.base.errors import InputError
 from proofmass.commands.import_table import account_lines, parse_units
@@ -101,6 +102,13 @@ def new_page(text: str) -> str:
     return write_between(text, BEGIN.format("shapes"), END.format("shapes"), rows)
 
 
+def main(argv: Sequence[str] | None = None) -> None:
+    """Make the page anew, and write it unless it shall be quick."""
+    given = command(__doc__).parse_args(argv)
+    text = new_page(PAGE.read_text(encoding="utf-8"))
+    if not given.quick:
+        PAGE.write_text(text, encoding="utf-8")
+
+
 if __name__ == "__main__":
-    PAGE.write_text(new_page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
-    print(PAGE)
+    main()

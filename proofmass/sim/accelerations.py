@@ -18,8 +18,8 @@ def solve_accelerations(mass: Array, force: Array, rows: Array, needed: Array) -
     The rows of J (rows, n) may be redundant.
 
     >>> force, rows = np.array([3.0, 1.0]), np.array([[0.0, 1.0]])
-    >>> solve_accelerations(np.eye(2), force, rows, np.zeros(1)).round(12).tolist()
-    [3.0, 0.0]
+    >>> solve_accelerations(np.eye(2), force, rows, np.zeros(1)).round(12) + 0.0
+    array([3., 0.])
     """
     matrix = np.block([[mass, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
     right = np.concatenate([force, needed])
@@ -51,7 +51,8 @@ def accelerations_with_friction(
     >>> def acceleration(push, rate):
     ...     rates, bounds = np.array([rate]), np.array([3.0])
     ...     one = np.array([[2.0]]), np.array([push])
-    ...     return float(accelerations_with_friction(*one, *free, rates, bounds).round(12)[0])
+    ...     found = accelerations_with_friction(*one, *free, rates, bounds)
+    ...     return round(float(found[0]), 12) + 0.0
     >>> acceleration(5.0, -1.0), acceleration(5.0, 0.0), acceleration(2.0, 0.0)
     (4.0, 1.0, 0.0)
     """
