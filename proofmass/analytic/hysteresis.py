@@ -105,7 +105,7 @@ class HysteresisLoop:
     Raises
     ------
     ValueError
-        The angle does not move, or no branch has three rows.
+        The angle does not move, no branch has three rows, or none covers most of its range.
 
     Examples
     --------
@@ -126,6 +126,11 @@ class HysteresisLoop:
         self.branches = find_branches(self.angle, self.moment)
         if not self.branches:
             raise ValueError(f"no branch has {MIN_BRANCH_ROWS} rows")
+        if not self.whole:
+            raise ValueError(
+                f"no branch covers {WHOLE_SHARE:.0%} of the range of the angle: give a whole way "
+                "up or down"
+            )
 
     def last_cycle(self) -> "HysteresisLoop":
         """The loop of its last two whole branches: with friction the first way is another one."""
@@ -215,8 +220,8 @@ class HysteresisLoop:
             if abs(left[worst]) >= largest:
                 largest, at = float(abs(left[worst])), float(one.angle[worst])
             reductions[name] = float(work_reduction(one.moment, wanted, one.angle))
-            work = float(np.trapezoid(wanted, one.angle))
-            missing, there = missing + (1.0 - reductions[name] / 100.0) * work, there + work
+            missing += float(np.trapezoid(np.abs(left), one.angle))
+            there += float(np.trapezoid(wanted, one.angle))
         reductions["both"] = 100.0 * (1.0 - missing / there)
         way = len(self.sides) * (self.ends[1] - self.ends[0])
         return LoopErrors(float(np.sqrt(squares / way)), largest, at, reductions)

@@ -160,10 +160,21 @@ def describe_noise(found: Comparison) -> str:
     assert noise is not None
     known = "estimated" if noise.estimated else "stated"
     words = [f"noise of {number(noise.sigma)} {found.unit}, as {known}, in {noise.rows} rows"]
-    units = {"zero": found.unit, "lag": "s" if found.run == "dynamics" else "of x"}
     for name, (value, error) in noise.fits.items():
-        words.append(f"{name} {format_fitted(value, error)} {units[name]} fitted")
+        unit = unit_of_fit(name, found.unit, found.run)
+        words.append(f"{name} {format_fitted(value, error)} {unit} fitted")
     return ", ".join(words)
+
+
+def unit_of_fit(name: str, unit: str, run: str) -> str:
+    """The unit of a fitted number of a channel in a unit.
+
+    >>> unit_of_fit("zero", "deg", "dynamics"), unit_of_fit("lag", "deg", "dynamics")
+    ('deg', 's')
+    """
+    if name == "zero":
+        return unit
+    return "s" if run == "dynamics" else "of x"
 
 
 def explain_coarse(found: Comparison) -> str:

@@ -100,6 +100,14 @@ def test_rows_without_a_branch_are_an_error(rows: list[float]) -> None:
         HysteresisLoop(rows, rows)
 
 
+def test_a_loop_of_small_pieces_is_an_error() -> None:
+    """Each way goes over a half of the range: no branch is whole."""
+    ends = np.array([0.0, 0.5, 0.25, 0.75, 0.5, 1.0])
+    angle = np.interp(np.linspace(0.0, 5.0, 501), np.arange(6.0), ends)
+    with pytest.raises(ValueError, match="no branch covers 80% of the range"):
+        HysteresisLoop(angle, angle)
+
+
 def test_ways_end_at_the_extremes() -> None:
     angle = np.sin(np.linspace(0.0, 4.0 * np.pi, 401))
     assert find_ways(angle, 0.1) == [(0, 50), (50, 150), (150, 250), (250, 350), (350, 400)]

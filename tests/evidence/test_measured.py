@@ -194,7 +194,9 @@ def test_a_zero_and_a_lag_are_fitted_if_asked_for(
     refused = party(tmp_path, values)
     assert judge(refused).outcome == "differs"
     if len(names) == 1:
-        assert f"fit = ['{fit}'] would find" in explain(refused).text
+        text = explain(refused).text
+        assert f"fit = ['{fit}'] would find" in text
+        assert f" {'deg' if zero else 's'} in the recording of rocker" in text
     tolerance = f"sigma = {SIGMA}\nfit = [{', '.join(names)}]"
     found = judge(party(tmp_path, values, tolerance))
     for name, true in (("zero", zero), ("lag", lag)):

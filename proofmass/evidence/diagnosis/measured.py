@@ -22,7 +22,6 @@ from proofmass.evidence.diagnosis.explanation import Explanation
 from proofmass.evidence.diagnosis.fault import Fault
 from proofmass.evidence.diagnosis.fit import (
     MODEL_KIND,
-    PARAMETER_KIND,
     ModelResiduals,
     Residuals,
     measured_fault,
@@ -31,7 +30,7 @@ from proofmass.evidence.diagnosis.fit import (
 from proofmass.sim.engines import computes_curves
 from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.comparison import Comparison, Comparisons
-from proofmass.verdict.measured import measured_curve, noise_level
+from proofmass.verdict.measured import measured_curve, noise_level, unit_of_fit
 from proofmass.verdict.noise import (
     FALSE_REFUSALS,
     NUMBERS_SHARE,
@@ -78,13 +77,8 @@ class MeasuredNumbers:
 
     def explains(self, name: str) -> str:
         """The channel whose residual a number explains most."""
-        change = self.fit.changes[name].value
-        gained = {
-            channel: float(one.values @ one.values) - float(left @ left)
-            for channel, one in self.measured.items()
-            if (left := one.values - change * one.without_fits(self.slopes[name][channel])).size
-        }
-        return max(gained, key=lambda channel: gained[channel] / self.measured[channel].sigma ** 2)
+        left = self.left_by(name)
+        return max(self.measured, key=lambda n: squares(self.measured[n]) - squares(left[n]))
 
     def fault(self, name: str) -> Fault:
         """The wrong value of a number, and the one that fits the residuals."""
@@ -105,13 +99,12 @@ class MeasuredNumbers:
         """The change of a number as a cause of what its channels differ by."""
         search, fault, left = self.search, self.fault(name), self.left_by(name)
         value = search.parameters[name] + self.fit.changes[name].value * search.sizes[name]
-        noisy = [n for n in self.differing if left[n].is_noise(self.level)]
-        broken = [n for n in left if n not in noisy and not left[n].is_noise(self.level)]
+        noise = [n for n in left if left[n].is_noise(self.level)]
         return Explanation(
             search.kind,
             fault.change,
-            tuple(noisy),
-            tuple(n for n in broken if n not in self.differing),
+            tuple(n for n in self.differing if n in noise),
+            tuple(n for n in left if n not in (*noise, *self.differing)),
             share_left(self.measured, left),
             len(self.differing),
             1,
@@ -151,12 +144,12 @@ class MeasuredNumbers:
             for name in (one for one in get_args(Fitted) if one not in own.fits):
                 fits = (*own.fits, name)
                 after = fit_residual(own.curve, None if own.estimated else own.sigma, fits)
-                unit = case.channels[channel].unit if name == "zero" else ""
-                factor = case.channels[channel].factor if unit else 1.0
+                factor = case.channels[channel].factor if name == "zero" else 1.0
                 fitted = after.fits[name].over(factor)
+                unit = unit_of_fit(name, case.channels[channel].unit, self.search.run)
                 words = (
-                    f"a {name} of {format_fitted(fitted.value, fitted.error)} {unit}".rstrip()
-                    + f" in the recording of {channel}, as fit = {list(fits)!r} would find"
+                    f"a {name} of {format_fitted(fitted.value, fitted.error)} {unit} in the "
+                    f"recording of {channel}, as fit = {list(fits)!r} would find"
                 )
                 agrees = (channel,) if after.is_noise(self.level) else ()
                 left = share_left(self.measured, {**self.measured, channel: after})
@@ -174,37 +167,34 @@ def measured_numbers(residuals: Residuals) -> MeasuredNumbers | None:
     The curves of another program have no slopes by numbers of the model.
     """
     search, measured = residuals, residuals.measured
-    if not measured:
+    if not measured or not (search.parameters or search.can_run_again):
         return None
-    what = PARAMETER_KIND
-    if not search.parameters and search.can_run_again:
-        search, what = (
-            ModelResiduals(search.case, search.run, search.solver, search.curves),
-            MODEL_KIND,
-        )
+    x = search.curves.x
+    if not search.parameters:
+        search = ModelResiduals(search.case, search.run, search.solver, search.curves)
         if not search.repeats():
             return None
-    elif not search.parameters:
-        return None
+        x = x[:: search.stride]
     side = -1.0 if computes_curves(search.solver) else 1.0
-    x = search.curves.x[:: search.stride if what == MODEL_KIND else 1]
     slopes = {
         key: {
             name: side * at_rows(one, x, slope[name] * search.allowed[name])
             for name, one in measured.items()
         }
-        for key, slope in slopes_of(search, what).items()
+        for key, slope in slopes_of(search, search.kind).items()
     }
     return MeasuredNumbers(search, measured, slopes)
 
 
 def share_left(before: Mapping[str, Residual], after: Mapping[str, Residual]) -> float:
     """Root mean square of residuals over sigma after a change, over that before it [1]."""
-    squares = [
-        sum(float(np.square(one.values / one.sigma).sum()) for one in some.values())
-        for some in (after, before)
-    ]
-    return float(np.sqrt(squares[0] / squares[1]))
+    sums = [sum(map(squares, some.values())) for some in (after, before)]
+    return float(np.sqrt(sums[0] / sums[1]))
+
+
+def squares(residual: Residual) -> float:
+    """Sum of the squares of a residual over sigma [1]."""
+    return float(np.square(residual.values / residual.sigma).sum())
 
 
 def noise_cause(residuals: Residuals) -> Iterator[Explanation]:

@@ -104,13 +104,9 @@ def split_by_product(wanted: PairValues) -> dict:
     >>> found["ball"], round(found["floor"] * found["box"], 12)
     (0.0, 0.5)
     """
-    positive = {pair: value for pair, value in wanted.items() if value}
-    names = sorted({name for pair in positive for name in pair}, key=str)
-    rows = np.array([[float(name in pair) for name in names] for pair in positive])
+    logs = split_by_sum({pair: np.log(value) for pair, value in wanted.items() if value})
     found = dict.fromkeys((name for pair in wanted for name in pair), 0.0)
-    if positive:
-        logs = np.linalg.lstsq(rows, np.log(list(positive.values())), rcond=None)[0]
-        found |= dict(zip(names, np.exp(logs).tolist()))
+    found |= {name: float(np.exp(one)) for name, one in logs.items()}
     check_values(wanted, {pair: found[pair[0]] * found[pair[1]] for pair in wanted})
     return found
 
@@ -150,19 +146,32 @@ def split_by_harmonic_mean(wanted: PairValues) -> dict:
     >>> found["ball"], round(2.0 / (1.0 / found["floor"] + 1.0 / found["box"]), 12)
     (0.0, 0.5)
     """
-    positive = {pair: value for pair, value in wanted.items() if value}
-    names = sorted({name for pair in positive for name in pair}, key=str)
+    inverses = split_by_sum({pair: 2.0 / value for pair, value in wanted.items() if value})
     found = dict.fromkeys((name for pair in wanted for name in pair), 0.0)
-    if positive:
-        rows = np.array([[float(name in pair) for name in names] for pair in positive])
-        inverses = np.linalg.lstsq(rows, 2.0 / np.array(list(positive.values())), rcond=None)[0]
-        found |= {name: 1.0 / one if one > 0.0 else 0.0 for name, one in zip(names, inverses)}
+    found |= {name: 1.0 / one if one > 0.0 else 0.0 for name, one in inverses.items()}
     sums = {(a, b): found[a] + found[b] for a, b in wanted}
     check_values(
         wanted,
         {(a, b): 2.0 * found[a] * found[b] / (sums[a, b] or 1.0) for a, b in wanted},
     )
     return {name: float(one) for name, one in found.items()}
+
+
+def split_by_sum(wanted: PairValues) -> dict:
+    """Numbers of surfaces whose sums are nearest to those that are wanted of pairs.
+
+    Examples
+    --------
+    >>> found = split_by_sum({("a", "b"): 3.0, ("b", "c"): 4.0, ("a", "c"): 5.0})
+    >>> [round(found[name], 12) for name in "abc"]
+    [2.0, 1.0, 3.0]
+    """
+    if not wanted:
+        return {}
+    names = sorted({name for pair in wanted for name in pair}, key=str)
+    rows = np.array([[float(name in pair) for name in names] for pair in wanted])
+    found = np.linalg.lstsq(rows, np.array(list(wanted.values())), rcond=None)[0]
+    return dict(zip(names, found.tolist()))
 
 
 def check_values(wanted: PairValues, made: PairValues) -> None:
