@@ -205,10 +205,7 @@ class HysteresisLoop:
     def errors(self, references: dict[str, LoopCurve]) -> LoopErrors:
         """The loop against a reference of each branch, by its name ``up`` or ``down``.
 
-        Raises
-        ------
-        ValueError
-            A reference does no work.
+        The reduction of the work against a reference that does none is NaN.
         """
         squares, largest, at, reductions = 0.0, 0.0, float("nan"), {}
         missing, there = 0.0, 0.0
@@ -219,10 +216,11 @@ class HysteresisLoop:
             worst = int(np.argmax(np.abs(left)))
             if abs(left[worst]) >= largest:
                 largest, at = float(abs(left[worst])), float(one.angle[worst])
-            reductions[name] = float(work_reduction(one.moment, wanted, one.angle))
-            missing += float(np.trapezoid(np.abs(left), one.angle))
-            there += float(np.trapezoid(wanted, one.angle))
-        reductions["both"] = 100.0 * (1.0 - missing / there)
+            work, reductions[name] = float(np.trapezoid(wanted, one.angle)), float("nan")
+            if work > 0.0:
+                reductions[name] = float(work_reduction(one.moment, wanted, one.angle))
+            missing, there = missing + float(np.trapezoid(np.abs(left), one.angle)), there + work
+        reductions["both"] = 100.0 * (1.0 - missing / there) if there > 0.0 else float("nan")
         way = len(self.sides) * (self.ends[1] - self.ends[0])
         return LoopErrors(float(np.sqrt(squares / way)), largest, at, reductions)
 

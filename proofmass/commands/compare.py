@@ -85,6 +85,15 @@ def loop_lines(own: LoopFile) -> list[str]:
     return lines
 
 
+def format_percent(share: float) -> str:
+    """A percentage, or a dash for none.
+
+    >>> format_percent(93.469), format_percent(float("nan"))
+    ('93.47 %', '—')
+    """
+    return "—" if np.isnan(share) else f"{share:.2f} %"
+
+
 def count_branches(count: int) -> str:
     """A number of branches.
 
@@ -107,7 +116,9 @@ def reference_table(own: LoopFile, found: list[LoopReference]) -> Table:
         errors = one.errors
         cells = [number(errors.rms / y_factor), number(errors.largest / y_factor)]
         cells += [number(errors.at / x_factor)]
-        table.add_row(one.words, *cells, *(f"{errors.reductions[name]:.2f} %" for name in names))
+        table.add_row(
+            one.words, *cells, *(format_percent(errors.reductions[name]) for name in names)
+        )
     return table
 
 

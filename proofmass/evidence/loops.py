@@ -179,10 +179,7 @@ def make_reference(own: LoopFile, asked: str) -> LoopReference:
             )
         only = next(iter(other.sides.values()))
         curves = {name: other.sides.get(name, only).at for name in loop.sides}
-    try:
-        errors = loop.between(*ends).errors(curves)
-    except ValueError as error:
-        raise InputError(own.file, "--with", f"{asked}: {error}") from None
+    errors = loop.between(*ends).errors(curves)
     return LoopReference(asked, words, curves, errors, ends)
 
 

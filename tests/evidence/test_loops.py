@@ -53,6 +53,21 @@ def test_works_area_and_reduction_are_those_of_the_closed_form(loop_file: Path) 
     assert make_reference(own, "sine").errors.rms == pytest.approx(found.rms, rel=1e-5)
 
 
+def test_a_loop_about_zero_has_no_reduction_and_all_other_numbers(tmp_path: Path) -> None:
+    """From -30 to 30 degrees a sine does no work, so that nothing can be reduced."""
+    up = np.linspace(-30.0, 30.0, 601)
+    angle = np.concatenate([up, up[::-1]])
+    moment = SIZE * np.sin(np.radians(angle)) + FRICTION * np.repeat([1.0, -1.0], up.size)
+    file = write_loop(tmp_path / "loop.csv", angle, moment)
+    done = CliRunner().invoke(app, ["compare", str(file), "--with", f"sine={-SIZE}"])
+    assert done.exit_code == 0
+    assert "friction   1.6 N mm" in done.stdout
+    half = write_loop(tmp_path / "half.csv", angle + 30.0, moment)
+    found = make_reference(read_loop(half), f"sine={-SIZE}").errors  # it does negative work
+    assert all(np.isnan(one) for one in found.reductions.values())
+    assert found.largest > 0.0
+
+
 def test_a_fit_goes_through_the_middle(loop_file: Path) -> None:
     """Degree 5 is off a quarter of a sine by at most 1e-4 of its size (Chebyshev)."""
     own = read_loop(loop_file)
