@@ -636,7 +636,7 @@ def balancer_command(
             "the columns 'angle \\[deg]' and 'moment [1]'."
         ),
     ] = None,
-    segments: Annotated[int, typer.Option(help="Number of segments, 3 or 4.")] = 3,
+    segments: Annotated[int, typer.Option(help="Number of segments, 2 to 4.")] = 3,
     springs: Annotated[
         str,
         typer.Option(

@@ -131,7 +131,7 @@ def test_another_balancer_is_compared_with_the_design(tmp_path, monkeypatch):
         (("--extension", "-1:0"), ("must stay positive",)),
         (("--extension", "0:0.1", "--target", "laevo"), ("give no other",)),
         (("--strips", "nowhere.csv"), ("nowhere.csv", "no such file of strips")),
-        (("--segments", "5"), ("segments must be 3 or 4",)),
+        (("--segments", "5"), ("segments must be 2, 3 or 4",)),
         (("--springs", "rubber"), ("linear, nonlinear, each",)),
         (("--bound", "length1"), ("write it as NAME=LOW:HIGH",)),
         (("--bound", "length7=0.1:0.2"), ("no such parameter", "length3")),

@@ -234,7 +234,7 @@ def test_squares_of_the_residuals_sum_to_the_objective():
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"segments": 2}, "segments must be 3 or 4"),
+        ({"segments": 5}, "segments must be 2, 3 or 4"),
         ({"mode": 0}, "mode must be 1 or -1"),
         ({"springs": "magic"}, "linear, nonlinear, each"),
         (

@@ -1,4 +1,4 @@
-"""Torsion-spring balancer of a pendulum: a chain of three or four segments, stops, preloads."""
+"""Torsion-spring balancer of a pendulum: a chain of two to four segments, stops, preloads."""
 
 from typing import Annotated
 
@@ -66,11 +66,11 @@ def solve(
     *,
     length1: float,
     length2: float,
-    length3: float,
+    length3: float | None = None,
     length4: float | None = None,
     stiffness1: float,
     stiffness2: float,
-    stiffness3: float,
+    stiffness3: float = 0.0,
     stiffness4: float = 0.0,
     quadratic1: float = 0.0,
     quadratic2: float = 0.0,
@@ -128,7 +128,8 @@ def solve(
 
         dV*/dalpha = M1,     less the weight's, weight r sin(alpha)
 
-    since a rotation of all segments about O winds spring 1 alone.  A pendulum that extends as it
+    since a rotation of all segments about O winds spring 1 alone.  Two segments form a triangle
+    with the pendulum that keeps its shape: M1 = k alpha + A alpha^2.  A pendulum that extends as it
     leans, as a human back does, has r = pendulum + extension1 alpha + extension2 alpha^2.  The
     chain's force f along it then does work as well, and the chain balances
 
@@ -149,7 +150,8 @@ def solve(
         extension [m] of a drive, which has to be that of r(alpha)
     rate, acceleration : its time derivatives [rad/s, rad/s^2]; `rate` scales the quasi-static
         rates, `acceleration` has no meaning in statics
-    length1, length2, length3, length4 : segments [m]; length4 makes it a balancer of four segments
+    length1, length2, length3, length4 : segments [m]; without length4 it is a balancer of three
+        segments, without length3 one of two
     stiffness1, stiffness2, stiffness3, stiffness4 : k of the slack springs [N m/rad]
     quadratic1, quadratic2, quadratic3, quadratic4 : A [N m/rad^2]
     preload2, preload3, preload4 : moment [N m] of the spring at rest
@@ -216,11 +218,7 @@ def solve(
         k: v
         for k, v in locals().items()
         if (k in OTHER_DEFAULTS or k.rstrip("1234") in NUMBERED_PARAMETERS)
-        and not (
-            length4 is None
-            and k.endswith("4")
-            and v in (None, NUMBERED_DEFAULTS.get(k.rstrip("4"), 0.0))
-        )
+        and not is_of_missing_segment(k, v, length3, length4)
     }
     check_finite(angle=angle, rate=rate, target_moment=target_moment)
     frictions = {
@@ -230,8 +228,8 @@ def solve(
         "friction4": friction4,
         "pendulum_friction": pendulum_friction,
     }
-    check_friction(frictions, 3 if length4 is None else 4)
     chain = balancer(**given)
+    check_friction(frictions, chain.segments)
     if (extension1 or extension2) and np.ndim(angle) == 2 and len(np.asarray(angle)) == 2:
         angle = np.asarray(angle)[0]
         rate = np.asarray(rate)[0] if np.ndim(rate) == 2 else rate
@@ -260,6 +258,14 @@ def solve(
         curve = expected_of(expected, alpha.ravel())
         values |= {"expected_moment": curve, "expected_measurement": curve + width}
     return {name: value.reshape(alpha.shape) for name, value in values.items()}
+
+
+def is_of_missing_segment(
+    name: str, value: float | None, length3: float | None, length4: float | None
+) -> bool:
+    """Whether a parameter with its default is of segment 3 or 4, which the balancer has not."""
+    missing = "3" * (length3 is None) + "4" * (length4 is None)
+    return name[-1] in missing and value in (None, NUMBERED_DEFAULTS.get(name[:-1], 0.0))
 
 
 def flexing(
@@ -299,6 +305,11 @@ def check_friction(frictions: dict[str, float], joints: int) -> None:
     check_not_negative("N m", **frictions)
     if joints == 3 and frictions["friction4"]:
         raise ValueError("friction4 is of a joint that a balancer of three segments has not")
+    if joints == 2 and any(value for name, value in frictions.items() if name[-1] in "1234"):
+        raise ValueError(
+            "friction1 to friction4 are covered for three segments and four; two segments turn "
+            "with the pendulum as one body: give pendulum_friction"
+        )
 
 
 def follow_both_sides(chain: Balancer, alpha: Array) -> Path:
@@ -383,7 +394,7 @@ def quantities(
 
 
 class BalancerReference(ChainParameters, ClosedForm, function=solve, properties=properties):
-    """Torsion-spring balancer of a pendulum: a chain of three or four segments, stops, preloads."""
+    """Torsion-spring balancer of a pendulum: a chain of two to four segments, stops, preloads."""
 
     marks = (events,)
     profiles = (flexing,)

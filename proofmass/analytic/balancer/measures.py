@@ -587,7 +587,7 @@ def describe_measures(
     b: Balancer, paths: BalancerPaths, target: str, scale: float
 ) -> dict[str, str]:
     """Describe the largest deflections, and the measures of how a target is met."""
-    angle = precision_points(90 if b.segments == 3 else 15)
+    angle = precision_points(15 if b.segments == 4 else 90)
     path = along(b, paths, angle)
     moment, energy = balancing_moment(b, path)[0], path.energy[0]
     largest_deflections = np.degrees(np.abs(path.deflection[0]).max(axis=0))

@@ -262,7 +262,7 @@ def balancers(**parameters: ArrayLike) -> Balancer:
     Impossible are lengths that cannot reach the tip, preloads that a spring cannot carry, and
     preloads that can never be released; they raise no error here.
     """
-    n = 4 if "length4" in parameters else 3
+    n = next((count for count in (4, 3) if f"length{count}" in parameters), 2)
     known = [f"{name}{i}" for name in NUMBERED_PARAMETERS for i in range(1, n + 1)] + list(
         OTHER_DEFAULTS
     )
@@ -290,7 +290,7 @@ def balancers(**parameters: ArrayLike) -> Balancer:
     rest = close_chain(
         single["pendulum"],
         table["length"],
-        np.stack([single["rest_angle"], single["rest_angle2"]][: n - 2], axis=-1),
+        np.stack([single["rest_angle"], single["rest_angle2"]], axis=-1)[:, : n - 2],
         single["mode"],
     )
     stiff, _, stored = preload_spring(table["stiffness"], table["quadratic"], table["preload"])
@@ -346,8 +346,13 @@ def check_parameters(table: dict[str, Array], single: dict[str, Array]) -> None:
         ("high", high < 0, "must not be below 0, the rest posture [rad]"),
         ("high", ~(low < high), "must be above low [rad]"),
         (
+            "rest_angle",
+            (parameters["rest_angle"] != 0) & (low.shape[1] == 2),
+            "is of a balancer of three segments or more, and there is no length3 [rad]",
+        ),
+        (
             "rest_angle2",
-            (parameters["rest_angle2"] != 0) & (low.shape[1] == 3),
+            (parameters["rest_angle2"] != 0) & (low.shape[1] < 4),
             "is of a balancer of four segments, and there is no length4 [rad]",
         ),
         ("preload", (preload > 0) & (low != 0), "needs a stop that holds it at rest, low = 0"),

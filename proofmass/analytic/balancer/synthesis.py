@@ -20,8 +20,13 @@ from proofmass.base.arrays import Array
 
 SPRING_KINDS = ("linear", "nonlinear", "each")
 """Kinds of springs, see `Variant.springs`."""
-LENGTH_BOUNDS = {3: (1 / 3, 1 / 2), 4: (1 / 4, 3 / 8)}
-"""Usual bounds of lengths by the number of segments, for a pendulum of 1 m [m]."""
+LENGTH_BOUNDS = {2: (1 / 2, 3 / 4), 3: (1 / 3, 1 / 2), 4: (1 / 4, 3 / 8)}
+"""Usual bounds of lengths by the number of segments n, 1/n to 3/(2 n) of a pendulum of 1 m [m]."""
+TRIANGLE_LENGTH = 0.6
+"""Length of both segments of two beside a pendulum of 1 m that keeps its length [m]: the moment
+does not depend on it."""
+PRELOADED_JOINTS = {2: ((),), 3: ((), (2,), (3,)), 4: ((), (2,), (3,), (2, 3))}
+"""Joints that can be preloaded, by the number of segments."""
 RELAXED_LENGTH_BOUNDS = (0.1, 0.9)
 """Bounds of relaxed lengths [m]."""
 DEFAULT_BOUNDS = (4.5, 4.5)
@@ -61,7 +66,7 @@ class Variant:
     target : str
         Name of the target: one of `proofmass.analytic.balancer.measures.TARGETS`, or another name.
     segments : int
-        Number of segments, 3 or 4.
+        Number of segments, 2 to 4.
     springs : str
         ``linear``; ``nonlinear``, with the same k and A in all joints as in the thesis; or
         ``each``, with its own k and A in each joint.
@@ -111,14 +116,19 @@ class Variant:
 
     def __post_init__(self) -> None:
         if self.segments not in LENGTH_BOUNDS:
-            raise ValueError(f"segments must be 3 or 4, got {self.segments}")
+            raise ValueError(f"segments must be 2, 3 or 4, got {self.segments}")
+        if self.segments == 2 and (self.preload or self.free_angle or self.contact):
+            raise ValueError(
+                "two segments and the pendulum form a triangle: there is no rest angle to choose, "
+                "and a preload or a contact of joint 2 would lock it"
+            )
         if self.mode not in (1, -1):
             raise ValueError(f"mode must be 1 or -1, got {self.mode}")
         if self.springs not in SPRING_KINDS:
             raise ValueError(
                 f"springs must be one of {', '.join(SPRING_KINDS)}, got {self.springs!r}"
             )
-        known = ((), (2,), (3,)) if self.segments == 3 else ((), (2,), (3,), (2, 3))
+        known = PRELOADED_JOINTS[self.segments]
         if self.preload not in known:
             raise ValueError(
                 f"preload of {self.segments} segments must be of joints "
@@ -167,9 +177,14 @@ class Variant:
         return str(THESIS_FIGURES.get((self.target, self.option), ("",))[0])
 
     @property
+    def is_rigid(self) -> bool:
+        """Whether the chain turns with the pendulum as one body: spring 1 alone has a moment."""
+        return self.segments == 2 and not any(self.extension)
+
+    @property
     def usual(self) -> dict[str, tuple[float, float]]:
         """Usual lower and upper bounds of all free parameters."""
-        joints = range(1, self.segments + 1)
+        joints = range(1, 2 if self.is_rigid else self.segments + 1)
         _, k, a = THESIS_FIGURES.get((self.target, self.option), ("", *DEFAULT_BOUNDS))
         found: dict[str, tuple[float, float]] = {}
         if self.springs == "nonlinear":
@@ -182,7 +197,7 @@ class Variant:
             sign = self.mode * (1 if self.free_angle else -1) if i == self.segments else 1
             found[f"preload{i}"] = (0.0, 1.0) if sign > 0 else (-1.0, 0.0)
         lengths = RELAXED_LENGTH_BOUNDS if self.relaxed else LENGTH_BOUNDS[self.segments]
-        found |= {f"length{i}": lengths for i in joints}
+        found |= {} if self.is_rigid else {f"length{i}": lengths for i in joints}
         if self.free_angle:
             found["rest_angle"] = (-np.pi, np.pi)
         if self.contact:
@@ -197,10 +212,13 @@ class Variant:
     def parameters(self, vectors: Array) -> dict[str, Array]:
         """Parameters (B,) of `proofmass.analytic.balancer.solve` from design vectors (B, d)."""
         found: dict[str, Array] = {}
+        if self.is_rigid:
+            fixed = {"length1": TRIANGLE_LENGTH, "length2": TRIANGLE_LENGTH, "stiffness2": 0.0}
+            found |= {name: np.full(len(vectors), value) for name, value in fixed.items()}
         for name, values in zip(self.usual, np.asarray(vectors, float).T, strict=True):
             shared = name in ("stiffness", "quadratic")
             found |= (
-                {f"{name}{i}": values for i in range(1, self.segments + 1)}
+                {f"{name}{i}": values for i in range(1, 2 if self.is_rigid else self.segments + 1)}
                 if shared
                 else {name: values}
             )
@@ -251,8 +269,8 @@ def variants_of(target: str, option: str) -> list[Variant]:
     ]
 
 
-THESIS_POINTS = {3: 90, 4: 15}
-"""Number of points of the thesis, by segments."""
+THESIS_POINTS = {2: 90, 3: 90, 4: 15}
+"""Number of points of the thesis by segments; of two, which it has not, as of three."""
 COARSE_POINTS = 15
 """Largest number of points of a coarse evaluation."""
 MIN_ELBOW_SINE = 0.02
