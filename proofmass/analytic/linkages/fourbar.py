@@ -35,6 +35,7 @@ from proofmass.analytic.numerics import (
 )
 from proofmass.analytic.protocol import (
     Acceleration,
+    Angle,
     ClosedForm,
     Length,
     Mass,
@@ -61,6 +62,7 @@ def solve(
     coupler: float,
     rocker: float,
     ground: float,
+    ground_angle: float = 0.0,
     mode: int = 1,
     point_along: float = 0.0,
     point_across: float = 0.0,
@@ -76,7 +78,7 @@ def solve(
 
     ::
 
-              X     Q         A = (0, 0) and B = (ground, 0) are fixed
+              X     Q         A = (0, 0) and B, ground from A at ground_angle, are fixed
              a  /     \  b    A-P crank, vector p, driven
              /         \      P-Q coupler, vector a; X any point of the coupler
            P            \     B-Q rocker, vector b
@@ -106,19 +108,20 @@ def solve(
 
     A linkage whose shortest and longest lengths have the same sum as the other two has a **change
     point**, where all four bars are in line and the two modes meet. One of the roots,
-    sqrt(k^2 cos^2(angle/2)) for crank + ground = coupler + rocker or sqrt(k^2 sin^2(angle/2)) for
-    |crank - ground| = |coupler - rocker|, k^2 = 4 crank ground, is then taken without the absolute
-    value: the motion continues smoothly through the change point, as inertia makes it. Its period
-    may be two turns, and C changes its sign at each change point.
+    sqrt(k^2 cos^2(f/2)) for crank + ground = coupler + rocker or sqrt(k^2 sin^2(f/2)) for
+    |crank - ground| = |coupler - rocker|, k^2 = 4 crank ground and f = angle - ground_angle, is
+    then taken without the absolute value: the motion continues smoothly through the change point,
+    as inertia makes it. Its period may be two turns, and C changes its sign at each change point.
 
     Parameters
     ----------
     angle, rate, acceleration : crank angle [rad], its first [rad/s] and second [rad/s^2] time
         derivative, (...) broadcast together; the last axis is the sweep
     crank, coupler, rocker, ground : lengths between pins [m]
+    ground_angle : direction of B from A [rad]; all angles are from the x axis
     mode : +1 open, Q left of the directed line P -> B (C > 0); -1 crossed, Q right of it (C < 0).
         C is zero only where coupler and rocker are in line, so a mode is one continuous branch.
-        With a change point: the sign of C where 0 < angle < pi.
+        With a change point: the sign of C where 0 < angle - ground_angle < pi.
     point_along, point_across : X in the coupler's frame [m]: from P towards Q, and left of that
     crank_mass, coupler_mass, rocker_mass : masses of the bars [kg]
     rocker_load : moment on the rocker, counter-clockwise positive [N m], a constant or (...)
@@ -169,23 +172,29 @@ def solve(
     check_positive(**lengths)
     check_one_of(MODES, mode=mode)
     check_not_negative(**masses)
-    check_number(point_along=point_along, point_across=point_across, gravity=gravity)
+    check_number(
+        ground_angle=ground_angle,
+        point_along=point_along,
+        point_across=point_across,
+        gravity=gravity,
+    )
     inputs = broadcast_motion(angle=angle, rate=rate, acceleration=acceleration)
     theta, w, dw = (np.atleast_1d(x) for x in inputs)
     (on_rocker,) = broadcast_loads(theta.shape, rocker_load=rocker_load)
     px, py = crank * np.cos(theta), crank * np.sin(theta)
+    end_x, end_y = ground * np.cos(ground_angle), ground * np.sin(ground_angle)
     along, across = point_along / coupler, point_across / coupler
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # in line: as documented
         (ax, ay), (bx, by), cross, dot, turns = _close_loop(
-            theta, ground - px, -py, **lengths, mode=mode
+            theta, ground_angle, end_x - px, end_y - py, **lengths, mode=mode
         )
         places = select_positions(
             only,
             {
                 "coupler_angle": lambda: unwrap_angles(np.arctan2(ay, ax)),
                 "rocker_angle": lambda: unwrap_angles(np.arctan2(by, bx)),
-                "pin_x": lambda: ground + bx,
-                "pin_y": lambda: by,
+                "pin_x": lambda: end_x + bx,
+                "pin_y": lambda: end_y + by,
                 "point_x": lambda: px + (along * ax - across * ay),
                 "point_y": lambda: py + (along * ay + across * ax),
                 "transmission_angle": lambda: np.arctan2(np.abs(cross), dot),
@@ -216,7 +225,7 @@ def solve(
             "rocker_angle": unwrap_angles(np.arctan2(by, bx)),
             "rocker_rate": b_motion[0],
             "rocker_acceleration": b_motion[1],
-            **_end_motion("pin", (bx, by, *b_motion), start=ground),
+            **_end_motion("pin", (bx, by, *b_motion), start=(end_x, end_y)),
             **_end_motion(
                 "point",
                 (px, py, w, dw),
@@ -279,6 +288,7 @@ def assembly_margins(
 
 def _close_loop(
     theta: Array,
+    ground_angle: float,
     dx: Array,
     dy: Array,
     *,
@@ -294,7 +304,8 @@ def _close_loop(
     rocker by the crank angle.
     """
     k = 2.0 * np.sqrt(crank * ground)
-    u, v = k * np.cos(0.5 * theta), k * np.sin(0.5 * theta)
+    half_angle = 0.5 * (theta - ground_angle)
+    u, v = k * np.cos(half_angle), k * np.sin(half_angle)
     square = (crank - ground) ** 2 + v * v
     rounding = rounding_of_sum(crank, coupler, rocker, ground)
     _check_reach(theta, square, coupler, rocker, rounding)
@@ -363,8 +374,10 @@ def _check_reach(
         raise ValueError("the crank pin meets the fixed pin of the rocker: rocker angle undefined")
 
 
-def _end_motion(name: str, *arms: tuple[Array, ...], start: float = 0.0) -> dict[str, Array]:
-    """Position, velocity and acceleration at the end of a chain of arms from (start, 0).
+def _end_motion(
+    name: str, *arms: tuple[Array, ...], start: tuple[float, float] = (0.0, 0.0)
+) -> dict[str, Array]:
+    """Position, velocity and acceleration at the end of a chain of arms from `start`.
 
     An arm is (x, y, rate, acceleration): its vector and the derivatives of its angle.
     """
@@ -376,8 +389,8 @@ def _end_motion(name: str, *arms: tuple[Array, ...], start: float = 0.0) -> dict
         )
     )
     return {
-        f"{name}_x": start + x,
-        f"{name}_y": y,
+        f"{name}_x": start[0] + x,
+        f"{name}_y": start[1] + y,
         f"{name}_vx": vx,
         f"{name}_vy": vy,
         f"{name}_ax": ax,
@@ -621,6 +634,7 @@ class FourBar(ClosedForm, function=solve, properties=properties):
     coupler: Length
     rocker: Length
     ground: Length
+    ground_angle: Angle
     mode: Mode
     point_along: Position
     point_across: Position

@@ -59,6 +59,8 @@ def solve(
     guide_y: float = 0.0,
     guide_angle: float = 0.0,
     mode: int = 1,
+    point_along: float = 0.0,
+    point_across: float = 0.0,
     crank_mass: float = 0.0,
     coupler_mass: float = 0.0,
     slider_mass: float = 0.0,
@@ -79,7 +81,7 @@ def solve(
           coupler  __--_--
               __---  _--          A = (0, 0) fixed
            P--     G-             A-P crank r, driven
-          /      _--              P-S coupler c
+          /      _--              P-S coupler c; X any point of the coupler
          A
 
     In the frame of the guide, the crank is at f = angle - g, the axis A at a distance e (offset) to
@@ -120,6 +122,7 @@ def solve(
     guide_angle : direction of the guide [rad]
     mode : +1 slider ahead of the crank pin along the guide (q > 0); -1 behind it. With a change
         point: the sign of q where the crank points along the guide, f = 0.
+    point_along, point_across : X in the coupler's frame [m]: from P towards S, and left of that
     crank_mass, coupler_mass, slider_mass : uniform bars and slider [kg]
     slider_load : force on the slider along the guide [N], a constant or (...)
     gravity : along -y [m/s^2]
@@ -134,9 +137,10 @@ def solve(
     Returns
     -------
     dict of (...) arrays: slide [m], slide_rate, slide_acceleration; slider_x, slider_y [m],
-    slider_vx, slider_vy, slider_ax, slider_ay; coupler_angle [rad] from P to S, coupler_rate,
-    coupler_acceleration; transmission_angle [rad] in [0, pi], between the coupler and the guide's
-    normal, which is the rocker of a four-bar in the limit of infinite length: pi/2 is best;
+    slider_vx, slider_vy, slider_ax, slider_ay, and point_x, ... of X; coupler_angle [rad] from P to
+    S, coupler_rate, coupler_acceleration; transmission_angle [rad] in [0, pi], between the coupler
+    and the guide's normal, which is the rocker of a four-bar in the limit of infinite length: pi/2
+    is best;
     holding_moment [N m] of the crank's drive; forces [N] in the frame of a bar, or of the guide,
     _x along it and _y to the left: crank_force_x, crank_force_y of the ground on the crank,
     coupler_force_.. of the crank on the coupler, pin_force_.. of the coupler on the slider, in the
@@ -173,7 +177,7 @@ def solve(
     check_positive(crank=crank, coupler=coupler)
     check_not_negative(**masses)
     check_not_negative("N m or N", **frictions)
-    check_number(gravity=gravity)
+    check_number(gravity=gravity, point_along=point_along, point_across=point_across)
     check_one_of(MODES, mode=mode)
     start, offset = _guide_position(guide_x, guide_y, guide_angle)
     rounding = rounding_of_sum(crank, coupler, start, offset)
@@ -189,12 +193,16 @@ def solve(
         q, roots = _close_loop(theta, guide_angle, crank, coupler, offset, mode, rounding)
         h = crank_across - offset
         s, ax, ay = crank_along + q - start, q * cos + h * sin, q * sin - h * cos
+        pin = np.asarray(crank * np.exp(1j * theta), complex)
+        arm = np.asarray((point_along + 1j * point_across) / coupler * (ax + 1j * ay), complex)
         places = select_positions(
             only,
             {
                 "slide": lambda: s,
                 "slider_x": lambda: guide_x + s * cos,
                 "slider_y": lambda: guide_y + s * sin,
+                "point_x": lambda: (pin + arm).real,
+                "point_y": lambda: (pin + arm).imag,
                 "coupler_angle": lambda: unwrap_angles(np.arctan2(ay, ax)),
                 "transmission_angle": lambda: np.arctan2(np.abs(q), -h),
             },
@@ -212,10 +220,7 @@ def solve(
             )
             slider_force = on_slider - of_slider
             guide = complex(cos, sin)
-            bars = (
-                np.asarray(crank * np.exp(1j * theta), complex),
-                np.asarray(ax + 1j * ay, complex),
-            )
+            bars = pin, np.asarray(ax + 1j * ay, complex)
             at_p = at_s = lift = np.full_like(bars[0], 1j * gravity)
             if inertia:
                 at_p, at_s = lift + (1j * dw - w**2) * bars[0], lift + guide * a
@@ -242,6 +247,7 @@ def solve(
             "slider_vy": v * sin,
             "slider_ax": a * cos,
             "slider_ay": a * sin,
+            **_point_motion((pin, w, dw), (arm, k1 * w, k1 * dw + k2 * w**2)),
             "coupler_angle": unwrap_angles(np.arctan2(ay, ax)),
             "coupler_rate": k1 * w,
             "coupler_acceleration": k1 * dw + k2 * w**2,
@@ -249,6 +255,21 @@ def solve(
             **loads,
         }
     return {name: curve.reshape(inputs[0].shape) for name, curve in curves.items()}
+
+
+def _point_motion(*arms: tuple[Complex, Array, Array]) -> dict[str, Array]:
+    """Position, velocity and acceleration at the end of a chain of arms from the origin.
+
+    An arm is its vector and the derivatives of its angle.
+    """
+    place = sum(arm for arm, _, _ in arms)
+    velocity = sum(1j * w * arm for arm, w, _ in arms)
+    acceleration = sum((1j * dw - w**2) * arm for arm, w, dw in arms)
+    return {
+        f"point_{letters}{axis}": np.asarray(part, float)
+        for letters, curve in (("", place), ("v", velocity), ("a", acceleration))
+        for axis, part in (("x", np.real(curve)), ("y", np.imag(curve)))
+    }
 
 
 def _forces(
@@ -421,6 +442,8 @@ class SliderCrank(ClosedForm, function=solve, properties=properties):
     guide_y: Position
     guide_angle: Angle
     mode: Mode
+    point_along: Position
+    point_across: Position
     crank_mass: Mass
     coupler_mass: Mass
     slider_mass: Mass

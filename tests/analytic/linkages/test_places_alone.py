@@ -24,7 +24,7 @@ from proofmass.analytic.linkages import fourbar, slider_crank
         (
             slider_crank.solve,
             {"crank": 1.0, "guide_y": 0.3, "guide_angle": 0.2, "mode": mode, "coupler": coupler},
-            "slide slider_x slider_y coupler_angle transmission_angle",
+            "slide slider_x slider_y point_x point_y coupler_angle transmission_angle",
         )
         for mode, coupler in ((1, 2.0), (-1, 2.0), (1, 1.0 + 0.3 * np.cos(0.2)))
     ],
