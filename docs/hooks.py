@@ -1,8 +1,8 @@
 """What ``mkdocs build`` does to the pages.
 
 It finds where public names of proofmass are defined: ``::: proofmass.solve`` would be the module of
-that name; the function is what users import.  And it runs the notebooks, which have no outputs in
-the repository, and makes a page of each; sliders stand there as they are first.
+that name; the function is what users import.  And it runs the notebooks, which have only pictures
+of their sliders in the repository, and makes a page of each; sliders stand there as they are first.
 """
 
 import re
@@ -21,6 +21,8 @@ import proofmass
 PUBLIC = re.compile(r"^::: proofmass\.(\w+)$", re.MULTILINE)
 NOTEBOOKS = Path(__file__).parent.parent / "teaching"
 SECONDS = 300  # a cell may take on a busy machine
+LINK = re.compile(r"\((\w+)\.ipynb\)")
+"""A link from a notebook to another one, which has a page beside it."""
 WHERE = "*This page is `teaching/{}.ipynb`, run when the documentation was made.*"
 
 
@@ -62,4 +64,4 @@ def page(text: str) -> str:
         extra_arguments=["--IPKernelApp.log_level=40"],
     ).execute()
     found, _ = MarkdownExporter().from_notebook_node(notebook)
-    return str(found).strip()
+    return LINK.sub(r"(\1.md)", str(found)).strip()

@@ -10,7 +10,8 @@ Users make their own linkage as a `NaturalLinkage` of such rows: `distance` for 
 `collinear` and `constant_angle` for a slider, `ground_angle` for an angle of a link to the ground,
 `relative_angle` for an angle between two links.
 
-Source: TFG, Universidad de Almería 2019, text lines 824-1120 (theory; figures 39-43 for the rows),
+Source: TFG, Universidad de Almería 2019, text lines 824-1120 (theory: 865-877 for the count of
+degrees of freedom, figures 39-43 for the rows),
 1122-3758 (four linkages); code lines 1417-1469, 1989-2056.
 """
 
@@ -28,6 +29,9 @@ ConstraintRow = Callable[[Array, Array], tuple[float, Array, float]]
 AffinePoint = tuple[Array, Array]
 """Matrix (2, size) and vector (2,) [m] of a point: its position is matrix q + vector."""
 DIAGONAL_COSINE = 0.5**0.5
+SINGULAR_MARGIN = 1e-6
+"""Singular values [SI] up to this count as zero: poses have errors of 1e-10, which the gradients of
+links of about a metre have as well; the smallest value of the examples' poses is 0.6."""
 
 
 @dataclass(frozen=True)
@@ -172,11 +176,64 @@ def sweep(
     """
     q, poses = np.array(start, float), []
     for driven in np.reshape(angles, (-1, linkage.inputs)):
-        q[-linkage.inputs :] = driven
-        q = assemble(linkage, q).root
+        q = assemble(linkage, np.r_[q[: -linkage.inputs], driven]).root
         v = velocities(linkage, q, rates)
         poses.append((q, v, accelerations(linkage, q, v, input_accelerations)))
     return np.swapaxes(np.reshape(poses, (-1, 3, q.size)), 0, 1)
+
+
+def degrees_by_count(links: int, joints: int, two_dof_joints: int = 0) -> int:
+    """Degrees of freedom of a planar mechanism by Grübler's and Chebyshev's count.
+
+    ::
+
+        3 (links - 1) - 2 joints - two_dof_joints
+
+    Parameters
+    ----------
+    links : int
+        Number of links, with the ground [1].
+    joints : int
+        Number of joints with one degree of freedom: pins and sliding pairs [1].
+    two_dof_joints : int
+        Number of joints with two degrees of freedom, such as a pin in a slot [1].
+
+    Returns
+    -------
+    int
+        It is too small where constraints are redundant; see `degrees_by_rank`.
+
+    Examples
+    --------
+    >>> degrees_by_count(4, 4), degrees_by_count(5, 5)
+    (1, 2)
+    """
+    return 3 * (links - 1) - 2 * joints - two_dof_joints
+
+
+def degrees_by_rank(rows: Sequence[ConstraintRow], q: Array) -> int:
+    """Degrees of freedom in a pose: coordinates less the rank of the Jacobian of the constraints.
+
+    Parameters
+    ----------
+    rows : sequence of rows
+        The constraints.
+    q : ndarray (size,)
+        Coordinates of a pose that fulfils them [SI].
+
+    Returns
+    -------
+    int
+        In a singular pose it is larger than in the poses beside it.
+
+    Examples
+    --------
+    >>> four = fourbar(1.0, 2.0, 2.5, 3.0)
+    >>> degrees_by_rank(four.rows, assemble(four, (0.1, 1.0, 1.0, 0.2, 0.0)).root)
+    1
+    """
+    jacobian = np.array([row(q, np.zeros(q.size))[1] for row in rows])
+    return int(q.size - np.linalg.matrix_rank(jacobian, tol=SINGULAR_MARGIN))
 
 
 def moving(k: int, size: int) -> AffinePoint:

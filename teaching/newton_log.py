@@ -1,6 +1,9 @@
 """The printed log of a Newton-Raphson iteration, as B. Díaz Lozano's notebooks show it."""
 
-from itertools import zip_longest
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from html import escape
+from itertools import pairwise, zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +66,61 @@ def format_log(log: NewtonLog) -> str:
         ]
     root = "  ".join(f"{name} = {value:.8f}" for name, value in zip(names, log.root, strict=True))
     return "\n".join([*lines, f"after {log.iterations} iterations: {root}"])
+
+
+@dataclass(frozen=True)
+class FoldedLog:
+    """A log that a notebook shows as a table of its steps, with the matrices folded below it.
+
+    Attributes
+    ----------
+    log : NewtonLog
+        The iterations.
+    labels : mapping of str to str
+        Words in place of those of the table, such as ``{"iteration": "iteración"}``.
+
+    Examples
+    --------
+    >>> from proofmass.analytic.newton_raphson import newton_raphson
+    >>> log = newton_raphson(lambda x: (x**2 - 2.0, np.diag(2.0 * x)), [1.5], tolerance=1e-3)
+    >>> FoldedLog(log)._repr_html_().count("<tr>"), repr(FoldedLog(log)) == format_log(log)
+    (4, True)
+    """
+
+    log: NewtonLog
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return the log as text, for where there is no HTML."""
+        return format_log(self.log)
+
+    def _repr_html_(self) -> str:
+        head = (self.labels.get("iteration", "iteration"), "|Phi|", "|dq|", "|dq| / |dq before|²")
+        rows = [
+            f"<td>{k + 1}</td><td>{residual:.3e}</td><td>{step:.3e}</td><td>{share}</td>"
+            for k, (residual, step, share) in enumerate(
+                zip(self.log.residuals, self.log.steps, step_shares(self.log), strict=True)
+            )
+        ]
+        table = "".join(f"<tr>{row}</tr>" for row in ("".join(map(cell, head)), *rows))
+        fold = self.labels.get("matrices of each iteration", "matrices of each iteration")
+        return (
+            f"<div><table>{table}</table><details><summary>q, Phi, J: {escape(fold)}</summary>"
+            f"<pre>{escape(format_log(self.log))}</pre></details></div>"
+        )
+
+
+def cell(text: str) -> str:
+    """Text as a cell in the head of a table of HTML."""
+    return f"<th>{escape(text)}</th>"
+
+
+def step_shares(log: NewtonLog) -> list[str]:
+    """Each step over the square of the step before it; empty for the first and below rounding."""
+    steps, rounding = log.steps, 1e-15 * np.abs(log.root).max()
+    return [""] * min(1, steps.size) + [
+        f"{step / before**2:.3g}" if step > rounding else "" for before, step in pairwise(steps)
+    ]
 
 
 def jacobian_ranks(log: NewtonLog) -> NDArray[np.intp]:

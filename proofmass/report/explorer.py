@@ -4,8 +4,11 @@ The panel is one SVG that is rewritten at each move of a slider: the mechanism a
 paths of its points, and curves over the run. Figures of matplotlib would be too slow for a slider.
 """
 
+import re
+from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -23,6 +26,7 @@ from proofmass.report.data import displayed_unit, run_parameter
 from proofmass.report.mechanism import PATH_COLOUR, format_pose
 from proofmass.report.reprs import as_html
 from proofmass.report.style import INK, MUTED_COLOURS
+from proofmass.report.svg_picture import svg_as_png
 from proofmass.run.solve import prescribed_run, solve
 from proofmass.sim.engines import engine_names, format_solver
 from proofmass.sim.protocol.curves import Curves
@@ -41,6 +45,8 @@ Build = Callable[..., Case]
 EXPLORER_SAMPLES = 121
 # [px] width and height of the panel, width of the mechanism, and margin of the axes
 EXPLORER_WIDTH, EXPLORER_HEIGHT, EXPLORED_WIDTH, AXES_MARGIN = 880, 420, 380, 62
+PROPERTY_LETTERS = 66
+"""Letters in a line below the mechanism: 5.7 px each on average, in 380 px."""
 COLOURS = (*("#0072B2", "#D55E00", "#009E73", "#CC79A7"), *MUTED_COLOURS)
 MISSING_IPYWIDGETS = "sliders need ipywidgets: pip install 'proofmass[notebooks]'"
 
@@ -68,6 +74,9 @@ class Explorer:
         Largest number of samples of the run that are evaluated [1].
     properties : bool
         Whether properties of the mechanism are shown, such as the Grashof class.
+    labels : mapping of str to str, optional
+        Words that sliders and drawing show in place of their own, such as the names of parameters
+        and channels: ``{"rocker": "balancín"}``. Messages and the table of engines are unchanged.
 
     Raises
     ------
@@ -90,12 +99,14 @@ class Explorer:
         run: Kind | None = None,
         samples: int = EXPLORER_SAMPLES,
         properties: bool = True,
+        labels: Mapping[str, str] | None = None,
     ) -> None:
         try:
             import ipywidgets
         except ImportError:
             raise ImportError(MISSING_IPYWIDGETS) from None
         require_sliders(case, sliders, curves)
+        self.labels = dict(labels or {})
         self.case, self.curves, self.links, self.model = case, curves, links, model
         self.properties, self.property_texts = properties, dict[str, str]()
         self.kind: Kind = next(iter(case.run)) if run is None else run
@@ -115,7 +126,8 @@ class Explorer:
                 min=low,
                 max=high,
                 step=(high - low) / 200,
-                description=f"{name} [{format_unit(parameter_unit(case, name)) or '1'}]",
+                description=self.label(name)
+                + f" [{format_unit(parameter_unit(case, name)) or '1'}]",
                 style={"description_width": "initial"},
                 readout_format=".3g",
             )
@@ -125,17 +137,22 @@ class Explorer:
             self.sliders["mode"] = ipywidgets.ToggleButtons(
                 options=assembly_modes(case),
                 value=int(float(case.parameters["mode"])),
-                description="mode",
+                description=self.label("mode"),
                 style={"button_width": "auto"},
             )
         self.place = ipywidgets.IntSlider(
-            value=len(self.x) // 6, max=len(self.x) - 1, description="pose", readout=False
+            value=len(self.x) // 6,
+            max=len(self.x) - 1,
+            description=self.label("pose"),
+            readout=False,
         )
         self.play = ipywidgets.Play(
             value=self.place.value, max=len(self.x) - 1, interval=60, show_repeat=True
         )
         ipywidgets.jslink((self.play, "value"), (self.place, "value"))
-        self.button = ipywidgets.Button(description="run in the engines", layout={"width": "auto"})
+        self.button = ipywidgets.Button(
+            description=self.label("run in the engines"), layout={"width": "auto"}
+        )
         self.panel, self.table = ipywidgets.HTML(), ipywidgets.HTML()
         controls = [ipywidgets.HBox([self.play, self.place]), *self.sliders.values()]
         if model is not None:
@@ -152,6 +169,14 @@ class Explorer:
         self.place.observe(self.move, "value")
         self.button.on_click(self.run_engines)
         self.change()
+
+    def label(self, text: str) -> str:
+        """Return a text with the words of `labels`, whole words and the longest ones first."""
+        words = sorted(self.labels, key=len, reverse=True)
+        if not words:
+            return text
+        pattern = r"(?<![\w.])(?:" + "|".join(map(re.escape, words)) + r")(?![\w.])"
+        return re.sub(pattern, lambda found: self.labels[found[0]], text)
 
     def require_curves(self) -> None:
         """Raise InputError for a curve that is neither a channel nor a quantity."""
@@ -194,7 +219,7 @@ class Explorer:
         """Run the model with these parameters in every engine of the run, and compare."""
         if self.model is None or self.wrong:
             return
-        self.table.value = "running …"
+        self.table.value = self.label("running …")
         self.found, self.rows = {}, []
         try:
             case = self.model(**self.parameters)
@@ -213,7 +238,8 @@ class Explorer:
         """Return the whole panel as SVG."""
         words = escape(f"{self.case.name}: {self.caption()}")
         parts = [
-            f'<svg viewBox="0 0 {EXPLORER_WIDTH} {EXPLORER_HEIGHT}" width="100%" '
+            f'<svg xmlns="http://www.w3.org/2000/svg" '
+            f'viewBox="0 0 {EXPLORER_WIDTH} {EXPLORER_HEIGHT}" width="100%" '
             f'style="max-width:{EXPLORER_WIDTH}px" role="img" '
             f'aria-label="{words}" font-family="sans-serif" font-size="11">'
             f'<rect width="{EXPLORER_WIDTH}" height="{EXPLORER_HEIGHT}" fill="#fff"/>'
@@ -231,8 +257,9 @@ class Explorer:
         k = self.place.value
         name, unit, scale = self.scale
         if self.state is None:
-            return f"{name} {self.x[k] * scale:.3g} {unit}"
-        return format_pose(self.case, float(self.x[k]), self.state[0][:, k]).replace("\n", " ")
+            return self.label(f"{name} {self.x[k] * scale:.3g} {unit}")
+        pose = format_pose(self.case, float(self.x[k]), self.state[0][:, k])
+        return self.label(pose.replace("\n", " "))
 
     def mechanism(self) -> str:
         """Return the links at the pose, and the paths of points whose x and y are channels."""
@@ -255,7 +282,7 @@ class Explorer:
         cloud = np.concatenate([*paths, *(np.ravel(line) for line in lines.values())] or [self.x])
         cloud = cloud[np.isfinite(cloud)]
         low, high = (f(cloud.real) + 1j * f(cloud.imag) for f in (np.min, np.max))
-        top = 24 + 14 * len(self.property_texts)
+        top = 24 + 14 * len(self.property_lines())
         across, up = EXPLORED_WIDTH - 40, EXPLORER_HEIGHT - top - 24
         scale = min(across / max((high - low).real, 1e-9), up / max((high - low).imag, 1e-9))
         middle, centre = (
@@ -271,7 +298,7 @@ class Explorer:
             text = "curves: pale reference, solid " + ", dashed ".join(
                 map(format_solver, self.found)
             )
-            parts.append(f'<text x="12" y="31">{text}</text>')
+            parts.append(f'<text x="12" y="31">{escape(self.label(text))}</text>')
         for path in paths:
             parts.append(svg_line(paper(path), PATH_COLOUR, 1, "4 3"))
         for j, line in enumerate(lines.values()):
@@ -288,13 +315,18 @@ class Explorer:
                 ]
         return "".join(parts)
 
+    def property_lines(self) -> list[str]:
+        """Return the properties of the mechanism as lines that end before the curves."""
+        rows = (self.label(f"{name}: {words}") for name, words in self.property_texts.items())
+        return [line for row in rows for line in wrap(row, PROPERTY_LETTERS)]
+
     def words(self) -> str:
         """Return the properties of the mechanism as lines of text below it."""
-        rows = self.property_texts.items()
+        lines = self.property_lines()
         return "".join(
-            f'<text x="12" y="{EXPLORER_HEIGHT - 8 - 14 * (len(rows) - 1 - k)}">'
-            f"{escape(f'{name}: {words}')}</text>"
-            for k, (name, words) in enumerate(rows)
+            f'<text x="12" y="{EXPLORER_HEIGHT - 8 - 14 * (len(lines) - 1 - k)}">'
+            f"{escape(line)}</text>"
+            for k, line in enumerate(lines)
         )
 
     def chart(self, names: Sequence[str], top: float, high: float) -> str:
@@ -337,8 +369,9 @@ class Explorer:
                 parts.append(
                     f'<text x="{at:.1f}" y="{below + 13}" text-anchor="middle">{x:.4g}</text>'
                 )
+        axis = escape(self.label(f"{name} [{x_unit}]"))
         parts.append(
-            f'<text x="{right}" y="{below + 25}" text-anchor="end">{escape(f"{name} [{x_unit}]")}'
+            f'<text x="{right}" y="{below + 25}" text-anchor="end">{axis}'
             f'</text><text x="{left - 45}" y="{top + 14}">[{format_unit(unit) or "1"}]</text>'
         )
         words, place = [], float(left)
@@ -357,21 +390,31 @@ class Explorer:
                 if channel in curves.channels:
                     there = paper(curves.x, curves.channels[channel] * factor)
                     parts.append(svg_line(there, colour, 1.4, "5 4" if number else ""))
+            text = self.label(channel)
             words.append(
-                f'<text x="{place:.0f}" y="{top + 14}" fill="{colour}">{escape(channel)}</text>'
+                f'<text x="{place:.0f}" y="{top + 14}" fill="{colour}">{escape(text)}</text>'
             )
-            place += 7 * len(channel) + 14
+            place += 7 * len(text) + 14
         at = paper(self.x[[self.place.value]], low)[0].real
         parts.append(f'<path d="M{at:.1f} {above}V{below}" stroke="{INK}"/>')
         return "".join([*parts, *words])
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
-        """Return the sliders, and HTML for where nothing runs, as in the documentation."""
+        """Return the sliders, and for where nothing runs HTML and a PNG of the drawing.
+
+        The HTML has the drawing as an image, since some readers remove SVG from HTML.
+        """
         bundle = self.box._repr_mimebundle_()
         shown = ", ".join(f"{s.description} {s.value:.4g}" for s in self.sliders.values())
+        svg = b64encode(self.panel.value.encode()).decode()
+        words = escape(f"{self.case.name}: {self.caption()}")
         return {
             **(bundle or {}),
-            "text/html": f"<div><p>{escape(shown)}</p>{self.panel.value}{self.table.value}</div>",
+            "text/html": f"<div><p>{escape(shown)}</p>"
+            f'<img src="data:image/svg+xml;base64,{svg}" alt="{words}" width="{EXPLORER_WIDTH}" '
+            f'style="max-width:100%">{self.table.value}</div>',
+            "image/png": b64encode(svg_as_png(self.panel.value)).decode(),
+            "text/plain": f"{self.case.name}: {self.caption()}, {shown}",
         }
 
 

@@ -248,11 +248,27 @@ def test_newton_raphson_converges_linearly_at_a_change_point():
     assert condition_numbers(close)[-1] == pytest.approx(4.64 / 1e-3, rel=2e-3)  # three digits
 
 
-def test_degrees_of_freedom_by_rank():
-    for name, degrees in zip(NAMES, (1, 2, 1, 2), strict=True):  # text lines 1180-3453
+def test_degrees_of_freedom_by_rank_and_by_count():
+    for name, links, degrees in zip(
+        NAMES, (4, 5, 4, 5), (1, 2, 1, 2), strict=True
+    ):  # lines 1180-3453
         linkage, q, v = solve_example(name)
         jacobian = linkage.evaluate(q, v)[1][: len(linkage.rows)]
         assert q.size - np.linalg.matrix_rank(jacobian) == degrees
+        assert scheme.degrees_by_rank(linkage.rows, q) == degrees
+        assert scheme.degrees_by_count(links, links) == degrees
+        free = linkage.rows[1:]  # without the length of the crank
+        assert scheme.degrees_by_rank(free, q) == degrees + 1
+    assert scheme.degrees_by_count(3, 2, 1) == 1  # two gears: two pins, and teeth that roll
+    assert scheme.degrees_by_count(5, 6) == 0  # a platform on three cranks
+
+
+def test_each_pose_of_a_sweep_has_its_own_driven_angles():
+    """The angles of a pose were overwritten by those of the next one."""
+    linkage, q, _ = solve_example("inverted slider-crank")
+    angles = q[-2:] + np.array([[0.0, 0.0], [0.1, 0.2], [0.3, 0.6]])
+    found = scheme.sweep(linkage, q, angles, [1.0, 2.0], [0.0, 0.0])
+    np.testing.assert_array_equal(found[0, :, -2:], angles)
 
 
 def coupler_driven_fourbar():

@@ -1,10 +1,12 @@
 """The printed log of Newton-Raphson, ranks and condition numbers."""
 
+import re
+
 import numpy as np
 import pytest
 
 from proofmass.analytic.newton_raphson import SingularJacobian, newton_raphson
-from teaching.newton_log import condition_numbers, format_log, jacobian_ranks
+from teaching.newton_log import FoldedLog, condition_numbers, format_log, jacobian_ranks
 
 
 def test_one_equation_has_rank_and_condition_number_one():
@@ -54,3 +56,26 @@ def test_the_rank_falls_at_a_double_root():
     assert jacobian_ranks(found)[0] == 2
     assert jacobian_ranks(found)[-1] == 1
     np.testing.assert_allclose(found.steps[2:] / found.steps[1:-1], 0.5, rtol=1e-14)  # rounding
+
+
+def test_a_folded_log_shows_each_step_over_the_square_of_the_one_before():
+    """For the square root of 2 this tends to 1/(2 sqrt 2), half of F'' over F' at the root."""
+    found = newton_raphson(lambda x: (x**2 - 2.0, np.diag(2.0 * x)), [1.0], names=("<root>",))
+    html = FoldedLog(found, {"iteration": "iteración"})._repr_html_()
+    rows = [re.findall(r"<td>(.*?)</td>", row) for row in html.split("<tr>")[2:]]
+    assert [int(row[0]) for row in rows] == [1, 2, 3, 4, 5]
+    steps = [float(row[2]) for row in rows]
+    np.testing.assert_allclose(steps, found.steps, rtol=1e-3)  # four printed digits
+    shares = [float(row[3]) for row in rows[1:4]]
+    np.testing.assert_allclose(shares, np.array(steps[1:4]) / np.square(steps[:3]), rtol=5e-3)
+    assert shares[-1] == pytest.approx(1.0 / np.sqrt(8.0), rel=0.01)
+    assert rows[0][3] == ""
+    assert "<th>iteración</th>" in html
+    assert "&lt;root&gt;" in html
+    assert repr(FoldedLog(found)) == format_log(found)
+
+
+def test_a_folded_log_without_iterations_has_no_rows():
+    with pytest.raises(SingularJacobian) as failure:
+        newton_raphson(lambda x: (x**2 + 1.0, np.diag(2.0 * x)), [0.0])
+    assert FoldedLog(failure.value.log)._repr_html_().count("<tr>") == 1
