@@ -21,7 +21,7 @@ It is found by an entry point of the group ``proofmass.references``, or as a fil
 """
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Annotated, Any, ClassVar, get_origin, get_type_hints
@@ -68,11 +68,15 @@ class Quantity:
         The values that it may have.
     may_change : bool
         Whether a load may multiply it along a run, so that it may be an array.
+    moves : tuple of str, optional
+        Names of the only curves that it changes: none for a first guess, which only chooses among
+        solutions. None: it may change all curves.
     """
 
     unit: str
     domain: Domain = Domain.FINITE
     may_change: bool = False
+    moves: tuple[str, ...] | None = None
 
     def check(self, name: str, value: Value) -> None:
         """Raise a ValueError that names a value outside the domain."""
@@ -143,6 +147,9 @@ VaryingForce = Annotated[float, Quantity("N", may_change=True)]
 VaryingMoment = Annotated[float, Quantity("N m", may_change=True)]
 AngularStiffness = Annotated[float, Quantity("N m/rad")]
 BendingStiffness = Annotated[float, Quantity("N m^2", Domain.POSITIVE)]
+GuessedPosition = Annotated[float, Quantity("m", moves=())]
+GuessedForce = Annotated[float, Quantity("N", moves=())]
+GuessedMoment = Annotated[float, Quantity("N m", moves=())]
 Ratio = Annotated[float, Quantity("1")]
 Natural = Annotated[int, Whole()]
 Word = Annotated[str, Text()]
@@ -172,6 +179,17 @@ class Parameter:
     def is_quantity(self) -> bool:
         """Whether it is a quantity, which a small change changes a little."""
         return isinstance(self.kind, Quantity)
+
+    def moves_any(self, curves: Container[str]) -> bool:
+        """Whether a small change of it may change some of these curves.
+
+        >>> guess = Parameter("pin_x", Quantity("m", moves=()))
+        >>> guess.moves_any({"pin_vx"}), Parameter("length", Quantity("m")).moves_any({"pin_vx"})
+        (False, True)
+        """
+        if not isinstance(self.kind, Quantity):
+            return False
+        return self.kind.moves is None or any(name in curves for name in self.kind.moves)
 
     @property
     def may_change(self) -> bool:

@@ -25,15 +25,19 @@ Differences = list[dict[str, Array]]
 
 
 def changeable_parameters(case: Case) -> dict[str, float]:
-    """Parameters that are quantities; texts and whole numbers such as a mode are left out."""
+    """Parameters that may change a curve that a channel equals.
+
+    Texts, whole numbers such as a mode, and first guesses are left out.
+    """
     reference = reference_class(case)
     if reference is None:
         return {}
     known = reference.parameters
+    curves = {c.equals for c in case.channels.values() if isinstance(c.equals, str)}
     return {
         key: value
         for key, value in case.parameters.items()
-        if not isinstance(value, str) and (key not in known or known[key].is_quantity)
+        if not isinstance(value, str) and (key not in known or known[key].moves_any(curves))
     }
 
 

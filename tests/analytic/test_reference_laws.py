@@ -9,6 +9,7 @@ of its curves and no numbers of their own:
 - *Path*: the first samples of a motion do not depend on the later ones.
 - *Choice*: a curve that is asked for alone is the one among all.
 - *Constant loads*: a parameter that may change along a run may be an array of one value.
+- *Guess*: a parameter that states which curves it moves, or that it moves none, moves no others.
 - *Domain*: a value that the type of a parameter does not allow is refused by its name.
 """
 
@@ -154,6 +155,44 @@ def test_an_array_of_one_load_is_that_load(name: str) -> None:
     for key, curve in curves(name, values | arrays, motion, load_rates=rates).items():
         size = np.nanmax(np.abs(whole[key]))
         np.testing.assert_allclose(curve, whole[key], rtol=1e-8, atol=1e-9 * size, err_msg=key)
+
+
+def moving_little(name: str) -> list[str]:
+    """The parameters of a reference that state which curves they move."""
+    parameters = find_reference(name).parameters.items()
+    return [
+        k for k, one in parameters if isinstance(one.kind, Quantity) and one.kind.moves is not None
+    ]
+
+
+def test_first_guesses_and_targets_are_stated() -> None:
+    found = {name: keys for name in CLOSED_FORMS if (keys := moving_little(name))}
+    assert {name: len(keys) for name, keys in found.items()} == {
+        "balancer": 1,
+        "rod_pair": 6,
+        "rod_pair_driven": 6,
+        "rod_pinned": 3,
+    }
+
+
+@by_name
+def test_a_parameter_moves_only_the_curves_that_it_states(name: str) -> None:
+    """A first guess that differs by 1e-3 leads to the same equilibrium, up to rounding."""
+    _, motion = example(name)
+    for key in moving_little(name):
+        before, kind = (
+            curves(name, values_of(name), motion),
+            find_reference(name).parameters[key].kind,
+        )
+        after = curves(name, {**values_of(name), key: 1.001 * values_of(name)[key]}, motion)
+        moved = [one for one in before if differs(before[one], after[one])]
+        assert set(moved) <= set(kind.moves), key
+        assert bool(moved) == bool(kind.moves), key
+
+
+def differs(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two curves differ by more than Newton's method leaves."""
+    return not np.allclose(one, other, rtol=0, atol=1e-9 * (np.nanmax(np.abs(one)) + 1e-3))
 
 
 def bad_values(kind: object) -> list:

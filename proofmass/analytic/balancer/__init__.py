@@ -16,6 +16,7 @@ from proofmass.analytic.balancer.model import (
     ChainParameters,
     balancer,
 )
+from proofmass.analytic.balancer.nearby import path_to
 from proofmass.analytic.balancer.path import (
     BalancerPaths,
     Path,
@@ -33,7 +34,6 @@ from proofmass.analytic.numerics import (
 from proofmass.analytic.protocol import (
     ClosedForm,
     Domain,
-    Moment,
     Quantity,
     Word,
 )
@@ -43,6 +43,8 @@ MODES = (1, -1)
 """Elbow up, and elbow down."""
 PATH_MARGIN = 1e-9
 """Length of the path beyond the largest angle [rad], so that rounding does not end it before."""
+TARGET_CURVES = ("target", "residual", "target_energy")
+"""The curves that a design target adds."""
 
 __all__ = [
     "MODES",
@@ -319,12 +321,8 @@ def follow_both_sides(chain: Balancer, alpha: Array) -> Path:
     for side in (behind, ~behind):
         if side.any():
             last = alpha[side][np.abs(alpha[side]).argmax()]
-            paths = follow(chain, float(last + np.copysign(PATH_MARGIN, last)))
-            if paths.why[0] and np.abs(paths.reach[0]) <= np.abs(last):
-                raise ValueError(
-                    f"{paths.why[0]}; angles up to {np.degrees(last):g} deg are asked for"
-                )
-            parts.append((side, along(chain, paths, alpha[side])))
+            to = float(last + np.copysign(PATH_MARGIN, last))
+            parts.append((side, path_to(chain, to, alpha[side])))
     if len(parts) == 1:
         return parts[0][1]
     (behind, back), (before, forth) = parts
@@ -413,5 +411,5 @@ class BalancerReference(ChainParameters, ClosedForm, function=solve, properties=
     friction4: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
     pendulum_friction: Annotated[float, Quantity("N m", Domain.NOT_NEGATIVE)]
     target: Word
-    target_moment: Moment
+    target_moment: Annotated[float, Quantity("N m", moves=TARGET_CURVES)]
     expected: Word

@@ -10,13 +10,20 @@ R_i is the friction of joint i against a growing deflection.  The module
 `proofmass.analytic.friction` finds which joints stick and slip between two angles.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from proofmass.analytic.balancer.model import Balancer
+from proofmass.analytic.balancer.nearby import (
+    MAX_NEARBY_CORRECTION,
+    BalancerNumbers,
+    balancer_of,
+    numbers_of,
+)
 from proofmass.analytic.balancer.path import Path, deflections, rest_posture
 from proofmass.analytic.friction import PathEnds, SlipProblem, follow_stick_slip
+from proofmass.analytic.remember import reuse_nearby
 from proofmass.base.arrays import Array
 
 MAX_SLIP_STRIDE = 0.05
@@ -36,6 +43,11 @@ ROW_RANK_TOLERANCE = 1e-11
 """Share of the largest singular value below which rows depend on others."""
 MIN_STABLE_STIFFNESS = 1e-9
 """Smallest stiffness of a stable equilibrium, as a share of the largest."""
+NEARBY_MARGIN = 1e-4
+"""Largest violation of a joint's state [1] in a chain that goes through the events of another one:
+where parameters differ by 1e-6, an event at another angle violates a state by some 1e-6."""
+PathRows = list[tuple[Array, ...]]
+"""The quantities of a path with friction, see `ChainWithFriction.values`."""
 NOTHING_SLIPS = (
     "dry friction holds the whole chain: no joint slips over the angles that are asked for; give "
     "less friction, or a wider motion"
@@ -62,6 +74,35 @@ class ChainSlopes(NamedTuple):
     loop: Array
 
 
+ChainPose = tuple[float, Array, Array]
+"""Pendulum angle [rad], segments' angles (n,) [rad] and force at the tip (2,) [N]."""
+
+
+class SlipEvent(NamedTuple):
+    """A change of the joints between sticking and slipping: where, and the new senses [1]."""
+
+    at: ChainPose
+    senses: Array
+
+
+class SlipHistory(NamedTuple):
+    """How a chain with friction came to its angles.
+
+    Attributes
+    ----------
+    alpha : ndarray (A,)
+        The angles [rad].
+    events : list of list of SlipEvent
+        The events on the way to each angle.
+    poses : list of ChainPose
+        The pose at each angle.
+    """
+
+    alpha: Array
+    events: list[list[SlipEvent]]
+    poses: list[ChainPose]
+
+
 class ChainWithFriction:
     """The chain of one balancer at rest, without stops and with dry friction in some joints.
 
@@ -81,17 +122,18 @@ class ChainWithFriction:
         self.alpha, self.psi, self.pull = 0.0, rest_posture(b).unknowns[0, :n], np.zeros(2)
         self.senses, self.is_at_start = np.ones(self.rubbing.size), True
         self.stuck, self.fixed = self.rubbing[:0], np.zeros(0)
+        self.events: list[SlipEvent] = []
         self.known, self.known_at = self._slopes(), self.kept()
 
     def at(self) -> Array:
         """The pendulum's angle [rad] (1,)."""
         return np.array([self.alpha])
 
-    def kept(self) -> tuple[float, Array, Array]:
+    def kept(self) -> ChainPose:
         """Copy the pose: pendulum angle, segments' angles and force at the tip."""
         return self.alpha, self.psi, self.pull
 
-    def back(self, kept: tuple[float, Array, Array]) -> None:
+    def back(self, kept: ChainPose) -> None:
         """Return to a pose that `kept` has copied."""
         self.alpha, self.psi, self.pull = kept
 
@@ -119,27 +161,33 @@ class ChainWithFriction:
     def stride(self, alpha: float) -> None:
         """Find the equilibrium at an angle by Newton's method, from the end of the tangent."""
         _, matrix, alpha_derivative = self.system()
-        tangent_step = -self.solve_linear(matrix, alpha_derivative) * (alpha - self.alpha)
-        self.alpha, moved = alpha, 0.0
-        for step in (tangent_step, *[None] * MAX_SLIP_NEWTON_STEPS):
-            if step is None:
-                residual, matrix, _ = self.system()
-                step = -self.solve_linear(matrix, residual)
-                moved += np.abs(step[: self.psi.size]).max()
-            self.psi = self.psi + step[: self.psi.size]
-            self.pull = self.pull + step[self.psi.size : self.psi.size + 2]
-            if (
-                step is not tangent_step
-                and np.abs(step[: self.psi.size]).max() < SLIP_STEP_TOLERANCE
-            ):
-                break
-        else:
-            moved = np.inf
-        if not (moved < MAX_SLIP_CORRECTION and self.stable()):
+        self.move(-self.solve_linear(matrix, alpha_derivative) * (alpha - self.alpha))
+        self.alpha = alpha
+        if not (self.settle() < MAX_SLIP_CORRECTION and self.stable()):
             raise PathEnds(
                 f"at {np.degrees(alpha):.4f} deg the equilibrium ends at a fold, where the chain "
                 "jumps"
             )
+
+    def move(self, step: Array) -> float:
+        """Add a step to angles and force, and return its longest rotation [rad]."""
+        n = self.psi.size
+        self.psi, self.pull = self.psi + step[:n], self.pull + step[n : n + 2]
+        return float(np.abs(step[:n]).max())
+
+    def settle(self) -> float:
+        """Find the equilibrium at the present angle by Newton's method from the present pose.
+
+        Returns the length of its way [rad]; infinite if it finds none.
+        """
+        moved = 0.0
+        for _ in range(MAX_SLIP_NEWTON_STEPS):
+            residual, matrix, _ = self.system()
+            size = self.move(-self.solve_linear(matrix, residual))
+            moved += size
+            if size < SLIP_STEP_TOLERANCE:
+                return moved
+        return np.inf
 
     def slopes(self) -> ChainSlopes:
         """Moments and stiffness at the present pose; cached until the pose changes."""
@@ -201,6 +249,7 @@ class ChainWithFriction:
 
         The force at the tip, and the stiffness with it, are those of the new friction.
         """
+        self.events.append(SlipEvent(self.kept(), senses))
         self.senses, self.is_at_start = senses, False
         self.stuck = self.rubbing[senses == 0]
         deflection, moment, _, _, loop = self.slopes()
@@ -218,6 +267,23 @@ class ChainWithFriction:
             assert rate is not None
             found[self.rubbing] = rate.friction
         return found
+
+    def worst_margin(self, way: Array) -> float:
+        """The smallest margin of a joint's state [1], see `SlipProblem.margins`."""
+        return float(self.problem(way).margins(self.senses).min(initial=np.inf))
+
+    def values(self, way: Array) -> tuple[Array, ...]:
+        """The quantities of a path at the present pose, and the friction of all joints.
+
+        The force at the tip is from then on that of this friction.
+        """
+        joint_friction = self.rub(way)
+        deflection, moment, _, _, loop = self.slopes()
+        load = self.turns.T @ (moment + joint_friction)
+        self.pull = np.asarray(np.linalg.lstsq(loop.T, -load, rcond=None)[0], float)
+        _, matrix, alpha_derivative = self.system()
+        rate = 1.0 - self.solve_linear(matrix, alpha_derivative)[: self.psi.size]
+        return self.psi + self.alpha, deflection, moment, rate, self.pull, joint_friction
 
 
 def null_space(rows: Array) -> Array:
@@ -249,6 +315,13 @@ def follow_with_friction(b: Balancer, friction: Array, alpha: Array) -> tuple[Pa
     ValueError
         The balancer has stops or extends; no joint slips against its friction; the path ends at a
         fold.
+
+    Notes
+    -----
+    A balancer whose parameters differ little from one that is known (`nearby`) goes through the
+    events of that one.  Where a slipping joint comes to rest, its deflection is stationary: another
+    angle of the event, which differs as little, changes the deflection at which it sticks by the
+    square of the difference.
     """
     if b.stopped:
         raise ValueError(
@@ -257,8 +330,32 @@ def follow_with_friction(b: Balancer, friction: Array, alpha: Array) -> tuple[Pa
         )
     if b.extension1.any() or b.extension2.any():
         raise ValueError("friction and a pendulum that extends are not covered together")
-    chain, way = ChainWithFriction(b, friction), np.ones(1)
-    rows = list[tuple[Array, ...]]()
+    numbers = numbers_of(b), tuple(friction.tolist()), tuple(alpha.tolist())
+    known, history, rows = known_slips(*numbers)
+    if known != numbers:
+        again = None
+        if np.array_equal(history.alpha, alpha):
+            again = follow_again(ChainWithFriction(b, friction), history)
+        rows = again or follow_slips(ChainWithFriction(b, friction), alpha)[1]
+    theta, deflection, moment, rate, force, joint_friction = map(np.array, zip(*rows, strict=True))
+    energy = b.energies(deflection[None])[0]
+    side = np.zeros_like(theta)
+    parts = (part[None] for part in (theta, deflection, moment, energy, rate, force, side))
+    return Path(alpha, *parts), joint_friction
+
+
+@reuse_nearby
+def known_slips(
+    chain: BalancerNumbers, friction: tuple[float, ...], alpha: tuple[float, ...]
+) -> tuple[tuple[Any, ...], SlipHistory, PathRows]:
+    """The way of a chain with friction, or of one nearby whose way is known, and its numbers."""
+    body = ChainWithFriction(balancer_of(chain), np.array(friction))
+    return (chain, friction, alpha), *follow_slips(body, np.array(alpha))
+
+
+def follow_slips(chain: ChainWithFriction, alpha: Array) -> tuple[SlipHistory, PathRows]:
+    """Follow a chain with friction through pendulum angles (A,) [rad]."""
+    way, rows, history = np.ones(1), list[tuple[Array, ...]](), SlipHistory(alpha, [], [])
     chain.go(alpha[:1])
     has_slipped = False
     for angle in alpha:
@@ -267,19 +364,30 @@ def follow_with_friction(b: Balancer, friction: Array, alpha: Array) -> tuple[Pa
         for place in np.linspace(chain.alpha, angle, count + 1)[1:]:
             follow_stick_slip(chain, np.array([place]))
         has_slipped |= bool(chain.senses[chain.rubbing > 0].any()) and not chain.is_at_start
-        joint_friction = chain.rub(way)
-        deflection, moment, _, _, loop = chain.slopes()
-        load = chain.turns.T @ (moment + joint_friction)
-        chain.pull = np.asarray(np.linalg.lstsq(loop.T, -load, rcond=None)[0], float)
-        _, matrix, alpha_derivative = chain.system()
-        rate = 1.0 - chain.solve_linear(matrix, alpha_derivative)[: chain.psi.size]
-        rows.append((chain.psi + chain.alpha, deflection, moment, rate, chain.pull, joint_friction))
-    if alpha.size > 2 and not has_slipped and (friction[1:] > 0).any():
+        history.poses.append(chain.kept())
+        history.events.append(chain.events)
+        chain.events = []
+        rows.append(chain.values(way))
+    if alpha.size > 2 and not has_slipped and (chain.rubbing > 0).any():
         raise ValueError(NOTHING_SLIPS)
-    theta, deflection, moment, rate, force, joint_friction = (
-        np.array(part) for part in zip(*rows, strict=True)
-    )
-    energy = b.energies(deflection[None])[0]
-    side = np.zeros_like(theta)
-    parts = (part[None] for part in (theta, deflection, moment, energy, rate, force, side))
-    return Path(alpha, *parts), joint_friction
+    return history, rows
+
+
+def follow_again(chain: ChainWithFriction, known: SlipHistory) -> PathRows | None:
+    """Follow a chain through the events of one nearby; None where its events are others."""
+    way, rows = np.ones(1), list[tuple[Array, ...]]()
+    for pose, events in zip(known.poses, known.events, strict=True):
+        before = chain.alpha
+        for at, senses in events:
+            chain.back(at)
+            if not chain.settle() < MAX_NEARBY_CORRECTION:
+                return None
+            chain.enter(senses)
+        chain.back(pose)
+        if not chain.settle() < MAX_NEARBY_CORRECTION:
+            return None
+        way = np.sign(pose[0] - np.array([before])) if pose[0] != before and rows else way
+        if not (chain.is_at_start or chain.worst_margin(way) >= -NEARBY_MARGIN):
+            return None
+        rows.append(chain.values(way))
+    return rows

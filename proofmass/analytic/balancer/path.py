@@ -497,38 +497,79 @@ def balancing_moment(b: Balancer, path: Path) -> Array:
     return np.asarray(path.moment[..., 0] - path.force[..., 1] * stretch)
 
 
+@dataclass(frozen=True)
+class PathEquilibria:
+    """Equilibria of a batch at pendulum angles, as Newton's method found them from its paths.
+
+    Attributes
+    ----------
+    alpha : ndarray (A,)
+        Pendulum angles [rad].
+    reached : ndarray (B A,)
+        Whether the path of each balancer reaches each angle [1].
+    each : Balancer
+        The balancer of each of the K angles that are reached.
+    point : Point
+        The K equilibria.
+    moved : ndarray (K,)
+        Lengths of the moves of the segments by Newton's method [rad]; NaN where it failed.
+    rates : ndarray (K, N)
+        Derivatives of the unknowns by alpha [SI].
+    stable : ndarray (K,)
+        Whether the equilibria are stable [1].
+    """
+
+    alpha: Array
+    reached: Indices
+    each: Balancer
+    point: Point
+    moved: Array
+    rates: Array
+    stable: Indices
+
+
 def along(b: Balancer, paths: BalancerPaths, alpha: Array) -> Path:
     """Find the equilibria at pendulum angles on the side to which the paths were followed.
 
     Newton's method starts from a cubic interpolation of the strides.
     """
-    alpha = np.asarray(alpha, float)
+    return as_path(equilibria_along(b, paths, np.asarray(alpha, float)))
+
+
+def equilibria_along(b: Balancer, paths: BalancerPaths, alpha: Array) -> PathEquilibria:
+    """The equilibria that Newton's method finds from the paths; see `along`."""
     count, width = len(b), alpha.size
     design, angle = np.repeat(np.arange(count), width), np.tile(alpha, count)
     reach = np.where(np.isfinite(b.rest).all(axis=-1), np.abs(paths.reach), -1.0)
     reached = np.abs(angle) <= np.repeat(reach, width) * (1 + 1e-15)
     each = b[design[reached]]
-    found, _ = find_equilibria(each, interpolate_strides(paths, design[reached], angle[reached]))
-    rates, _ = tangent(each, found)
-    n, j = b.segments, list(b.stopped)
-    psi = found.unknowns[:, :n]
-    e = deflections(each, found.alpha, psi)
+    start = interpolate_strides(paths, design[reached], angle[reached])
+    point, moved = find_equilibria(each, start)
+    return PathEquilibria(alpha, reached, each, point, moved, *tangent(each, point))
+
+
+def as_path(found: PathEquilibria) -> Path:
+    """The quantities of equilibria; NaN beyond the end of a path."""
+    each, alpha, point = found.each, found.alpha, found.point
+    n, j = each.segments, list(each.stopped)
+    psi = point.unknowns[:, :n]
+    e = deflections(each, point.alpha, psi)
     side = np.zeros((len(psi), n))
-    side[:, j] = found.side
+    side[:, j] = point.side
 
     def spread(values: Array) -> Array:
-        out = np.full((count * width, values.shape[-1]), np.nan)
-        out[reached] = values
-        return out.reshape(count, width, values.shape[-1])
+        out = np.full((found.reached.size, values.shape[-1]), np.nan)
+        out[found.reached] = values
+        return out.reshape(-1, alpha.size, values.shape[-1])
 
     return Path(
         alpha,
-        spread(psi + found.alpha[:, None]),
+        spread(psi + point.alpha[:, None]),
         spread(e),
         spread(each.moments(e)),
         spread(each.energies(e)),
-        spread(1.0 + rates[:, :n]),
-        spread(found.unknowns[:, n : n + 2]),
+        spread(1.0 + found.rates[:, :n]),
+        spread(point.unknowns[:, n : n + 2]),
         spread(side),
     )
 

@@ -18,9 +18,10 @@ from proofmass.analytic.protocol import (
     ClosedForm,
     Domain,
     Force,
+    GuessedForce,
+    GuessedMoment,
+    GuessedPosition,
     Length,
-    Moment,
-    Position,
     Quantity,
 )
 from proofmass.analytic.rods.all_equilibria import Solutions, solutions
@@ -510,11 +511,11 @@ class RodPair(ClosedForm, function=solve):
     theta2: Angle
     force_x: Force
     force_y: Force
-    pin_x: Position
-    pin_y: Position
-    moment1: Moment
-    moment2: Moment
-    push_x: Force
-    push_y: Force
+    pin_x: GuessedPosition
+    pin_y: GuessedPosition
+    moment1: GuessedMoment
+    moment2: GuessedMoment
+    push_x: GuessedForce
+    push_y: GuessedForce
     length: Length
     stiffness: BendingStiffness

@@ -14,10 +14,10 @@ from proofmass.analytic.protocol import (
     BendingStiffness,
     ClosedForm,
     Domain,
-    Force,
+    GuessedForce,
+    GuessedMoment,
+    GuessedPosition,
     Length,
-    Moment,
-    Position,
     Quantity,
     VaryingForce,
 )
@@ -446,12 +446,12 @@ class DrivenRodPair(ClosedForm, function=solve):
     inverse = InverseProblem({"x": "pin_x", "y": "pin_y"}, follow_path, LED_ACCURACY)
 
     distance: Annotated[float, Quantity("m", Domain.NOT_NEGATIVE)]
-    pin_x: Position
-    pin_y: Position
-    moment1: Moment
-    moment2: Moment
-    push_x: Force
-    push_y: Force
+    pin_x: GuessedPosition
+    pin_y: GuessedPosition
+    moment1: GuessedMoment
+    moment2: GuessedMoment
+    push_x: GuessedForce
+    push_y: GuessedForce
     force_x: VaryingForce
     force_y: VaryingForce
     length: Length

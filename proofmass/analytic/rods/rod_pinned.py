@@ -20,9 +20,9 @@ from proofmass.analytic.protocol import (
     BendingStiffness,
     ClosedForm,
     Domain,
-    Force,
+    GuessedForce,
+    GuessedMoment,
     Length,
-    Moment,
     Position,
     Quantity,
 )
@@ -774,9 +774,9 @@ class PinnedRod(ClosedForm, function=solve):
 
     pin_x: Position
     pin_y: Position
-    force_x: Force
-    force_y: Force
-    moment: Moment
+    force_x: GuessedForce
+    force_y: GuessedForce
+    moment: GuessedMoment
     length: Length
     stiffness: BendingStiffness
     theta0: Angle
