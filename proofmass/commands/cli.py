@@ -621,6 +621,7 @@ def design_command() -> None:
 
 @design.command("balancer")
 def balancer_command(
+    context: typer.Context,
     target: Annotated[
         str,
         typer.Option(
@@ -636,6 +637,22 @@ def balancer_command(
             "the columns 'angle \\[deg]' and 'moment [1]'."
         ),
     ] = None,
+    all_kinds: Annotated[
+        bool,
+        typer.Option(
+            "--all",
+            help="Search all kinds of balancers: segments, springs, preloads, contacts, rest "
+            "angles, lengths; --segments and --springs narrow them. Minutes instead of seconds.",
+        ),
+    ] = False,
+    within: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            help="With --all: rms error, as a share of the largest wanted moment, up to which the "
+            "curve counts as reached; otherwise the exit code is 1.",
+        ),
+    ] = 0.01,
     segments: Annotated[int, typer.Option(help="Number of segments, 2 to 4.")] = 3,
     springs: Annotated[
         str,
@@ -728,12 +745,20 @@ def balancer_command(
     """Find the balancer that meets a moment-angle characteristic best.
 
     Writes the case with its report, design.json, and the state of the search. An interrupted
-    search continues where it stopped when the same command is given again. Exit codes as for
-    check; 1 also if a joint needs a clock spring that no strip gives.
+    search continues where it stopped when the same command is given again. With --all, one table
+    and one figure show the best design of each kind against what must be built. Exit codes as for
+    check; 1 also if a joint needs a clock spring that no strip gives, or if no kind reaches the
+    curve.
     """
-    from proofmass.commands.design import design_balancer
+    from proofmass.commands.design import AllKinds, design_balancer
 
+    given = {
+        name
+        for name in context.params
+        if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    }
     design_balancer(
+        AllKinds(within, frozenset(given)) if all_kinds else None,
         target,
         table,
         segments,

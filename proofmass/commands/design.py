@@ -1,6 +1,7 @@
 """``proofmass design``: find a mechanism, write it as a case, and check the case."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +25,55 @@ from proofmass.base.recorded import RecordedColumn, read_table
 from proofmass.base.units import si_unit
 from proofmass.batch.check import check
 from proofmass.commands.command import error_console, exit_on_error
+from proofmass.commands.survey import survey_balancers
 from proofmass.design.search import Effort, SavedSearch
 from proofmass.design.springs import CATALOGUE, describe_design, read_catalogue, read_strips
 from proofmass.design.template import write_case
 from proofmass.run.sidecar import load_case
 
+OPTIONS_OF_ONE_KIND = {
+    "preload": "--preload",
+    "preload_joint": "--preload-joint",
+    "free_angle": "--free-angle",
+    "contact": "--contact",
+    "relaxed": "--relaxed",
+    "elbow_down": "--elbow-down",
+    "power": "--power",
+    "pareto": "--pareto",
+    "catalogue": "--catalogue",
+    "strips": "--strips",
+}
+"""Options by their parameters that a search over all kinds does not take."""
+
+
+@dataclass(frozen=True)
+class AllKinds:
+    """A search over all kinds is asked for.
+
+    Attributes
+    ----------
+    within : float
+        Error as a share of the largest wanted moment up to which a curve counts as reached [1].
+    given : frozenset of str
+        Parameters whose options were given.
+    """
+
+    within: float
+    given: frozenset[str]
+
+    def check(self) -> None:
+        """Raise ValueError for an option that chooses one kind."""
+        for name, option in OPTIONS_OF_ONE_KIND.items():
+            if name in self.given:
+                raise ValueError(
+                    f"{option}: --all searches kinds with and without it; leave out one of the two"
+                    if name in ("preload", "preload_joint", "free_angle", "contact", "relaxed")
+                    else f"{option}: is of one kind of balancer; leave out --all, or this option"
+                )
+
 
 def design_balancer(
+    every: AllKinds | None,
     target: str,
     table: Path | None,
     segments: int,
@@ -62,6 +105,21 @@ def design_balancer(
         wanted = read_target(table) if table else find_target(target)
         wanted = weight_target(*grows) if extension else wanted
         others = read_balancers(beside or [])
+        if every:
+            every.check()
+            protect(filter(None, (table, *(beside or []))))
+            survey_balancers(
+                wanted,
+                segments if "segments" in every.given else None,
+                springs if "springs" in every.given else None,
+                grows,
+                parse_bounds(bound or []),
+                seed,
+                effort,
+                every.within,
+                others,
+                make_folder(output),
+            )
         stock = read_catalogue(catalogue) if catalogue else CATALOGUE
         sections = read_strips(strips) if strips else []
         if sections and springs != "linear":

@@ -16,6 +16,7 @@ from proofmass.analytic.balancer.measures import (
 )
 from proofmass.analytic.balancer.model import balancers
 from proofmass.analytic.balancer.path import along, balancing_moment, follow
+from proofmass.analytic.balancer.slopes import moment_slopes
 from proofmass.base.arrays import Array
 
 SPRING_KINDS = ("linear", "nonlinear", "each")
@@ -112,7 +113,7 @@ class Variant:
     relaxed: bool = False
     mode: int = 1
     extension: tuple[float, float] = (0.0, 0.0)
-    narrowed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    narrowed: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         if self.segments not in LENGTH_BOUNDS:
@@ -412,3 +413,55 @@ class Synthesis:
             moment[buildable[accepted]] = balancing_moment(chains, path)[accepted]
             energy[buildable[accepted]] = path.energy[accepted]
         return moment, energy
+
+
+BATCH_STRIDE = 0.2
+"""Largest stride of a path in batches of kinds [rad]: two thirds of the time of 0.1, measured for
+three segments, since shorter strides are taken where the path bends."""
+ChainMaker = Callable[[Array], dict[str, Array]]
+"""From vectors (B, d) to parameters (B,) of `proofmass.analytic.balancer.solve`."""
+
+
+def batch_moments(parameters: Mapping[str, Array], angle: Array, min_sine: float) -> Array:
+    """Balancing moments (B, A) [N m] of chains of several kinds with one number of segments.
+
+    They are NaN where a chain cannot be built, does not reach an angle [rad], or has a last joint
+    whose angle's sine falls below `min_sine` [1].
+    """
+    chains = balancers(**parameters)
+    moment = np.full((len(chains), angle.size), np.nan)
+    possible = np.flatnonzero(np.isfinite(chains.rest + chains.stiffness).all(axis=-1))
+    if possible.size:
+        with np.errstate(all="ignore"):  # beyond the end of a path all values are NaN
+            some = chains[possible]
+            path = along(some, follow(some, LAST_PATH_ANGLE, BATCH_STRIDE), angle)
+            good = least_bend(
+                path.theta, np.broadcast_to(parameters["mode"], len(chains))[possible]
+            )
+            moment[possible[good > min_sine]] = balancing_moment(some, path)[good > min_sine]
+    return moment
+
+
+def batch_slopes(
+    make: ChainMaker, vectors: Array, change: Array, angle: Array, min_sine: float
+) -> tuple[Array, Array]:
+    """Balancing moments (B, A) as `batch_moments`, and their derivatives (B, d, A).
+
+    `change` (B, d) has the changes [SI] of the vectors for differences of closed formulas; the
+    derivative by a coordinate that does not change is 0.
+    """
+    parameters = make(vectors)
+    chains = balancers(**parameters)
+    changed = [balancers(**make(vectors + change * unit)) for unit in np.eye(change.shape[1])]
+    with np.errstate(all="ignore"):  # beyond the end of a path all values are NaN
+        paths = follow(chains, LAST_PATH_ANGLE, BATCH_STRIDE)
+        moment, slopes, theta = moment_slopes(chains, paths, angle, changed, change)
+        good = least_bend(theta, parameters["mode"]) > min_sine
+    moment[~good] = np.nan
+    return moment, np.where(change[..., None] == 0.0, 0.0, slopes)
+
+
+def least_bend(theta: Array, mode: Array) -> Array:
+    """Smallest sine (B,) of the last joint's angle, positive while the elbow is on its side [1]."""
+    least = np.asarray(mode)[:, None] * np.sin(theta[..., -1] - theta[..., -2])
+    return np.asarray(least.min(axis=-1))
