@@ -782,6 +782,69 @@ def balancer_command(
     )
 
 
+PathKinds = StrEnum("PathKinds", ["fourbar", "slider_crank", "both"])
+AssemblyModes = StrEnum("AssemblyModes", ["open", "crossed", "both"])
+AngleOrigins = StrEnum("AngleOrigins", ["first", "x", "ground"])
+
+
+@design.command("linkage")
+def linkage_command(
+    points: Annotated[
+        Path,
+        typer.Argument(
+            help="CSV file of the points, in the order in which they are passed: the columns "
+            "'x \\[m]' and 'y \\[m]', and if wanted 'angle \\[deg]' of the crank and "
+            "'tolerance \\[m]'."
+        ),
+    ],
+    kind: Annotated[PathKinds, typer.Option(help="Kind of linkage.")] = PathKinds.both,
+    mode: Annotated[
+        AssemblyModes, typer.Option(help="Assembly mode of four-bars.")
+    ] = AssemblyModes.both,
+    angles_from: Annotated[
+        AngleOrigins,
+        typer.Option(
+            help="What the crank angles of the file are measured from: the first of them, the x "
+            "axis, or the direction of the ground or of the guide."
+        ),
+    ] = AngleOrigins.first,
+    closed: Annotated[
+        bool, typer.Option("--closed", help="The path leads back to its first point.")
+    ] = False,
+    transmission: Annotated[
+        float,
+        typer.Option(min=0, max=89, help="Least angle of the transmission angle from 0 and 180."),
+    ] = 30.0,
+    bound: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="NAME=LOW:HIGH in m, or in deg for angles, instead of the usual bounds of a "
+            "parameter, such as crank=0.02:0.05; can be given several times."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same designs.")] = 1,
+    effort: Annotated[
+        float, typer.Option(min=0.02, max=50, help="Factor on the number of starts.")
+    ] = 1.0,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")] = Path(
+        "design"
+    ),
+    force: ForceOption = False,
+) -> None:
+    """Find four-bars and slider-cranks whose coupler point passes through given points.
+
+    The crank turns fully and passes the points in their order. Writes the best design as a case
+    with its report, and the designs as JSON, CSV and figures. An interrupted search continues
+    where it stopped when the same command is given again. Exit codes as for check; 1 also if no
+    linkage meets the constraints or the tolerances, with the nearest one.
+    """
+    from proofmass.commands.design_linkage import design_linkage
+
+    design_linkage(
+        points, kind, mode, angles_from, closed, transmission, bound, seed, effort, output
+    )
+
+
 @app.command("trade")
 def trade_command(
     paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],
