@@ -95,7 +95,8 @@ class FoldedLog:
         return format_log(self.log)
 
     def _repr_html_(self) -> str:
-        head = (self.labels.get("iteration", "iteration"), "|Phi|", "|dq|", "|dq| / |dq before|²")
+        number, before = (self.labels.get(word, word) for word in ("iteration", "before"))
+        head = (number, "|Phi|", "|dq|", f"|dq| / |dq {before}|²")
         rows = [
             f"<td>{k + 1}</td><td>{residual:.3e}</td><td>{step:.3e}</td><td>{share}</td>"
             for k, (residual, step, share) in enumerate(

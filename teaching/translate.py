@@ -36,7 +36,7 @@ FACTS = re.compile(
     r"|\]\([^)]*\)"  # the target of a link
     r"|\d+(?:\.\d+)?(?:e-?\d+)?"  # a number
     r"|[A-Za-zθβ]\d?'{1,2}(?!\w)"  # a derivative by time
-    r"|[Φλθαβγ][A-Za-z0-9]?|[Δπ√·²∂]|[=≤≈|+−←]"  # symbols
+    r"|[Φλθαβγφ][A-Za-z0-9]?|[Δπ√·²∂]|[=≤≈|+−←]"  # symbols
 )
 """What a translation must leave as it is."""
 

@@ -31,7 +31,10 @@ documents solve their mechanisms by Newton-Raphson. B. Díaz Lozano solves four 
 coordinates. The power hacksaw report solves its offset slider-crank for position, velocity and
 acceleration, one after the other or all at once. Both methods are implemented here so that they can
 be read, printed and drawn. They are no references of engines; the closed forms are, and tests
-compare the closed forms with these methods.
+compare the closed forms with these methods. Notebooks explain them:
+[Slider-crank](notebooks/slider_crank.md),
+[Inverted slider-crank](notebooks/inverted_slider_crank.md) and
+[Power hacksaw](notebooks/hacksaw.md).
 
 ## The log
 
