@@ -56,6 +56,16 @@ Paths = Annotated[
 RunTimeout = Annotated[
     float, typer.Option(help="Processor time after which a run is given up.", metavar="SECONDS")
 ]
+Tolerances = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Largest deviation of parts: length=0.1mm, stiffness=5%, preload=5%, angle=0.5deg are "
+        "the defaults; can be given several times, with =0 for exact parts.",
+    ),
+]
+SampleCount = Annotated[
+    int, typer.Option(min=0, help="Number of balancers within the tolerances; 0 for no check.")
+]
 Runs = StrEnum("Runs", ["dynamics", "equilibrium", "sweep"])
 Errors = StrEnum("Errors", ["position", "velocity", "acceleration", "force", "energy"])
 TableRoles = StrEnum("TableRoles", ["truth", "party", "profile", "path"])
@@ -740,6 +750,11 @@ def balancer_command(
             "it, such as models/balancers/balancer_sine.toml; can be given several times."
         ),
     ] = None,
+    tolerance: Tolerances = None,
+    samples: SampleCount = 1000,
+    pendulum: Annotated[
+        float, typer.Option(help="Length of the real pendulum in m, for tolerances of lengths.")
+    ] = 1.0,
     force: ForceOption = False,
 ) -> None:
     """Find the balancer that meets a moment-angle characteristic best.
@@ -779,6 +794,7 @@ def balancer_command(
         strips,
         moment,
         beside,
+        (tolerance, samples, pendulum),
     )
 
 
@@ -843,6 +859,31 @@ def linkage_command(
     design_linkage(
         points, kind, mode, angles_from, closed, transmission, bound, seed, effort, output
     )
+
+
+@design.command("tolerances")
+def tolerances_command(
+    case: Annotated[Path, typer.Argument(help="Sidecar of a balancer with a target.")],
+    tolerance: Tolerances = None,
+    samples: SampleCount = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same balancers.")] = 1,
+    pendulum: Annotated[
+        float | None,
+        typer.Option(help="Length of the real pendulum in m.", show_default="that of the case"),
+    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")] = Path(
+        "tolerances"
+    ),
+    force: ForceOption = False,
+) -> None:
+    """Find the band of a balancer's moment if its parts are off by up to their tolerances.
+
+    Follows balancers whose lengths, springs, preloads and angles are off at random, and writes
+    the percentiles and extremes of their moments at each angle to tolerances.json, .svg and .png.
+    """
+    from proofmass.commands.tolerances import check_case
+
+    check_case(case, tolerance, samples, seed, pendulum, output)
 
 
 @app.command("trade")

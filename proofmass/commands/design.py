@@ -26,6 +26,7 @@ from proofmass.base.units import si_unit
 from proofmass.batch.check import check
 from proofmass.commands.command import error_console, exit_on_error
 from proofmass.commands.survey import survey_balancers
+from proofmass.commands.tolerances import ask_tolerances
 from proofmass.design.search import Effort, SavedSearch
 from proofmass.design.springs import CATALOGUE, describe_design, read_catalogue, read_strips
 from proofmass.design.template import write_case
@@ -94,6 +95,7 @@ def design_balancer(
     strips: Path | None,
     moment: float,
     beside: list[Path] | None,
+    tolerances: tuple[list[str] | None, int, float],
 ) -> None:
     """Run ``proofmass design balancer``; `proofmass.commands.cli` describes the parameters."""
     with exit_on_error(f"{output} keeps the state"):
@@ -105,6 +107,7 @@ def design_balancer(
         wanted = read_target(table) if table else find_target(target)
         wanted = weight_target(*grows) if extension else wanted
         others = read_balancers(beside or [])
+        tolerance_check = ask_tolerances(tolerances[0], tolerances[1], seed, tolerances[2])
         if every:
             every.check()
             protect(filter(None, (table, *(beside or []))))
@@ -118,6 +121,7 @@ def design_balancer(
                 effort,
                 every.within,
                 others,
+                tolerance_check,
                 make_folder(output),
             )
         stock = read_catalogue(catalogue) if catalogue else CATALOGUE
@@ -143,6 +147,10 @@ def design_balancer(
         record = {"seed": seed, **describe_design(task, found, stock, sections, moment)}
         print_design(record)
         write_output(output / "design.json", json.dumps(record, indent=1))
+        for line in tolerance_check.run(record["parameters"], wanted, 1.0, output / "tolerances")[
+            :1
+        ]:
+            print(line)
         if pareto:
             write_pareto_front(task, found, output)
         code = check_design(record, others, output)

@@ -14,6 +14,7 @@ from proofmass.analytic.balancer.measures import TARGETS, Target
 from proofmass.analytic.balancer.synthesis import LENGTH_BOUNDS, SPRING_KINDS
 from proofmass.batch.check import check
 from proofmass.commands.command import error_console
+from proofmass.commands.tolerances import ToleranceCheck
 from proofmass.design.kinds import all_kinds
 from proofmass.design.survey import KindResult, Survey, SurveySearch
 from proofmass.design.template import write_case
@@ -33,6 +34,7 @@ def survey_balancers(
     effort: float,
     within: float,
     others: dict[str, dict[str, Any]],
+    check_tolerances: ToleranceCheck,
     output: Path,
 ) -> NoReturn:
     """Search all kinds, write the table, the figure and the cases, and end with an exit code."""
@@ -47,6 +49,9 @@ def survey_balancers(
     found = search_kinds(SurveySearch(kinds, wanted, seed, effort, output))
     make_console().print(kinds_table(found))
     for line in tell_best(found, wanted, within):
+        print(line)
+    best = found.kinds[0].parameters
+    for line in check_tolerances.run(best, wanted, 1.0, output / "tolerances"):
         print(line)
     for file in write_table(found, wanted.name, output / "kinds"):
         print(file)

@@ -223,6 +223,13 @@ def rest_posture(b: Balancer) -> Point:
     return Point(np.zeros(len(b)), unknowns, side)
 
 
+def is_wound_at_rest(b: Balancer, p: Point) -> Indices:
+    """Whether a spring without a stop has a moment in the rest posture (B,): it is none then."""
+    has_moment = b.preload != 0.0
+    has_moment[:, list(b.stopped)] &= p.side == 0
+    return np.asarray(has_moment.any(axis=-1) & (b.loose == 0))
+
+
 def switching_margins(b: Balancer, p: Point) -> Array:
     """Margin of each joint with stops (B, s) before it switches; negative beyond that.
 
@@ -345,6 +352,8 @@ class PathFollower:
         self.out, self.switched = np.zeros_like(self.at.unknowns), np.zeros(len(b), int)
         self.why = np.full(len(b), UNREACHABLE, dtype=object)
         there = np.flatnonzero(np.isfinite(b.rest + b.stiffness).all(axis=-1))
+        if (wound := there[is_wound_at_rest(b[there], self.at[there])]).size:
+            self.at.put(wound, find_equilibria(b[wound], self.at[wound])[0])
         stable = stable_at_rest(b[there], self.at[there])
         self.why[there] = np.where(stable, "", UNSTABLE)
         self.is_going = np.array([not why and to != 0 for why in self.why])
