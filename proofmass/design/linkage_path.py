@@ -53,8 +53,10 @@ LEAST_STIFFNESS = 1e-15  # added to squares of slopes [1], so that none is zero
 DISTINCT = 4e-3  # [1] places nearer than this to a better place are not continued
 REFINED = 12  # descents of each search that are refined
 FINISHED = 3  # of these, the best are refined to the end
-REFINED_STEPS = (60, 600)
-"""Most evaluations in a refinement, and in one to the end: descents stop near their minimum."""
+REFINED_STEPS = (1200, 12000)
+"""Most evaluations times unknowns in a refinement, and in one to the end; descents stop near their
+minimum, and an evaluation with twice the unknowns takes more than twice as long."""
+FEWEST_STEPS = 20  # evaluations of a refinement, however many unknowns it has
 PATH_EFFORT = Effort(((512, 30), (96, 60), (24, 120)))
 """Usual effort of the search of one kind in one assembly mode and one sense of the crank."""
 

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from proofmass.analytic.numerics import TURN
 from proofmass.base.arrays import Array
-from proofmass.design.linkage_path import REFINED_STEPS, SHARPNESS, PathTask
+from proofmass.design.linkage_path import FEWEST_STEPS, REFINED_STEPS, SHARPNESS, PathTask
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Refinement:
 def refine(task: PathTask, vector: Array, steps: int = REFINED_STEPS[1]) -> Array:
     """The vector (d,) of least squares that a descent from a vector reaches, in order.
 
-    It ends after `steps` evaluations at most.
+    It ends when its evaluations times its unknowns exceed `steps`, after `FEWEST_STEPS` at least.
     """
     problem = Refinement(task)
     k = problem.shared
@@ -104,6 +104,6 @@ def refine(task: PathTask, vector: Array, steps: int = REFINED_STEPS[1]) -> Arra
         ftol=1e-15,
         xtol=1e-15,
         gtol=1e-15,
-        max_nfev=steps,
+        max_nfev=max(FEWEST_STEPS, steps // int(free.sum())),
     )
     return problem.vector(whole(found.x))

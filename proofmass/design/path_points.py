@@ -98,6 +98,8 @@ def read_points(file: Path, angles_from: str = "first", closed: bool = False) ->
         finite number; there are fewer than `LEAST_POINTS` points; two successive points coincide;
         the angles turn back or exceed a turn; a tolerance is not positive.
     """
+    if not file.exists():
+        raise InputError(file, "", "no such file of points")
     table = read_table(file)
     check_columns(table)
     x, y = (table.curve(RecordedColumn(column=name)) for name in ("x", "y"))

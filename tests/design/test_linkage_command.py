@@ -155,7 +155,9 @@ def test_bad_options_give_a_message_of_one_line(tmp_path, points, options, words
 
 
 def test_a_table_that_is_not_there_or_wrong_gives_a_message_of_one_line(tmp_path, points):
-    assert_one_line_error(run_linkage(tmp_path / "nowhere.csv"), "nowhere.csv", "no such")
+    assert_one_line_error(
+        run_linkage(tmp_path / "nowhere.csv"), "nowhere.csv", "no such file of points"
+    )
     points.write_text("x [m],y [m]\n0,0\n1,0\n")
     assert_one_line_error(run_linkage(points), "points.csv", "2 points", "needs 3")
 
