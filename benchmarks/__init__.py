@@ -33,7 +33,20 @@ def command(text: str | None) -> ArgumentParser:
 def folders(quick: bool, runs: Path) -> Iterator[tuple[Path, Path]]:
     """The folders of runs and of pages; if quick, both are temporary."""
     if not quick:
-        yield runs, ROOT / "docs"
+        with replacing_pages():
+            yield runs, ROOT / "docs"
         return
     with TemporaryDirectory() as folder:
         yield Path(folder) / "runs", Path(folder)
+
+
+@contextmanager
+def replacing_pages() -> Iterator[None]:
+    """Let outputs replace the pictures of docs/, and leave no list of what was written there."""
+    from proofmass.base.files import LIST_NAME, output_permissions  # after the threads are set
+
+    try:
+        with output_permissions(force=True):
+            yield
+    finally:
+        (ROOT / "docs" / LIST_NAME).unlink(missing_ok=True)

@@ -16,7 +16,7 @@ from textwrap import fill
 
 from matplotlib import rc_context
 
-from benchmarks import ROOT, command, folders
+from benchmarks import ROOT, command, folders, replacing_pages
 from proofmass.base.wording import number
 from proofmass.report.figures import save
 from proofmass.report.style import RC
@@ -143,7 +143,8 @@ matrix to 1e-12. The limit is the value at which an eigenvalue leaves the unit c
 - RK4 is explicit in both, and stable up to z = 2 √2 without damping. `discrete` is implicit in
   both.
 - Chipmunk applies damping exactly, after the spring has acted: it is stable for
-  z² < 2 (1 + exp 2ζz), which is always satisfied from ζ = 0.246 on.
+  z² < 2 (1 + exp 2ζz), which is always satisfied from ζ = 0.246 on. proofmass's dampers in pymunk
+  follow the midpoint rule: they are of second order, and stable for z < 2 with any damping.
 - A `solref` is an explicit spring with critical damping. `refsafe` keeps its time constant at 2 dt
   or more. Without `refsafe` the limit is 1.21 dt with Euler, and 0.36 dt with RK4.
 - A velocity servo is an explicit damper in Euler and RK4, but not in the implicit integrators.
@@ -190,7 +191,7 @@ def small_models(store: Store, count: int | None = None) -> list[LimitSearch]:
 
 def draw(known: Sequence[Boundary], docs: Path) -> None:
     """Write the figure of the small models."""
-    with rc_context(RC):
+    with rc_context(RC), replacing_pages():
         save(stress_figure(known), docs / "stress")
     (docs / "stress.svg").unlink()
 

@@ -590,3 +590,13 @@ def exerts_force(model: mujoco.MjModel, t: int) -> bool:
     equalities = model.eq_active0.astype(bool) & (model.eq_type == mujoco.mjtEq.mjEQ_TENDON)
     is_in_equality = t in np.concatenate([model.eq_obj1id[equalities], model.eq_obj2id[equalities]])
     return is_in_equality or any(np.any(part[t]) for part in own)
+
+
+def is_damped(model: mujoco.MjModel) -> bool:
+    """Whether dampers, or servos whose forces depend on rates, act in a model."""
+    servos = (a for a in range(model.nactuator) if is_linear_in_joint(model, a))
+    return bool(
+        model.dof_damping.any()
+        or model.tendon_damping.any()
+        or any(model.actuator_biasprm[a, 2] for a in servos)
+    )

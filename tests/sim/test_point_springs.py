@@ -116,12 +116,12 @@ def test_a_spring_between_two_points_of_one_body_moves_nothing(sites, tmp_path):
     np.testing.assert_array_equal(*curves)
 
 
-def test_dampers_of_pymunk_are_of_first_order(tmp_path):
+def test_dampers_of_pymunk_are_of_second_order(tmp_path):
     file = write_chain(tmp_path, TWO_DAMPED_SPRINGS)
     coarse, fine = (relative_errors("pymunk", file, step) for step in (1e-3, 5e-4))
     for name in ("a", "b", "length"):
-        assert coarse[name] < 3e-3
-        assert 1.8 < coarse[name] / fine[name] < 2.5  # 2, and a part of second order
+        assert coarse[name] < 1e-4
+        assert coarse[name] / fine[name] == pytest.approx(4, rel=0.1)
 
 
 def test_point_springs_in_mujoco_are_of_fourth_order(tmp_path):

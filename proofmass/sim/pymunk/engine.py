@@ -44,7 +44,8 @@ def simulate(model: Path, run: Run) -> Curves:
     Springs and dampers may act between two sites.  In dynamics geoms touch where MuJoCo lets them,
     with MuJoCo's friction; see `proofmass.sim.pymunk.contacts`.
 
-    The method is of second order in time, except for dampers, which are of first order in Chipmunk.
+    The method is of second order in time.  Dampers follow the midpoint rule, with the setting
+    `midpoint_damping` false they are Chipmunk's own, of first order.
 
     Parameters
     ----------

@@ -20,6 +20,7 @@ from proofmass.sim.protocol.programs import Imposed, Programs, sidecar_instructi
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.protocol.settings import ParameterValues
 from proofmass.sim.pymunk.contacts import ContactShape
+from proofmass.sim.pymunk.dampers import Damped
 from proofmass.sim.pymunk.dynamics import MAX_LOOP_VIOLATION, MIN_FIRST_ITERATIONS, start_state
 from proofmass.sim.pymunk.links import LinkConstraint, LinkGear, LinkJoint, Links, LinkSpring
 from proofmass.sim.pymunk.loads import changing_forces, control_limits, links_at_start, load_names
@@ -387,7 +388,17 @@ def _render_program(
         changing=changing,
         open_loop=MAX_LOOP_VIOLATION,
         contacts=writer.contacts(settings) if links.contacts else None,
+        dampers=damper_kinds(space) if settings.get("midpoint_damping") else set(),
     )
+
+
+def damper_kinds(space: pymunk.Space) -> set[str]:
+    """The kinds of dampers in a space, "turn" of rotations and "line" of distances."""
+    return {
+        "turn" if isinstance(one, pymunk.DampedRotarySpring) else "line"
+        for one in space.constraints
+        if isinstance(one, Damped) and one.damping
+    }
 
 
 def channel_changes(links: Links, run: Run) -> dict[str, tuple[float, ...]]:

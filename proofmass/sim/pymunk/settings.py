@@ -13,6 +13,7 @@ import mujoco
 from pydantic import Field
 
 from proofmass.base.strict import Count, StrictNumber, Switch
+from proofmass.sim.contents import is_damped
 from proofmass.sim.protocol.engine import AccuracyLimit
 from proofmass.sim.protocol.run import Run
 from proofmass.sim.protocol.settings import EngineSettings
@@ -38,6 +39,7 @@ class PymunkSettings(EngineSettings):
     error_bias: StrictNumber = Field(CHIPMUNK_BIAS, ge=0, le=1)
     collision_slop: StrictNumber = Field(0.1, ge=0)
     collision_bias: StrictNumber = Field(CHIPMUNK_BIAS, ge=0, le=1)
+    midpoint_damping: Switch = False
     defaults: Switch = False
 
 
@@ -45,7 +47,8 @@ def settings_of_run(run: Run, model: mujoco.MjModel, touching: bool) -> Settings
     """All settings of a run: those given, completed by Chipmunk's defaults or proofmass's choice.
 
     Chipmunk's defaults are taken with the setting ``defaults``.  Settings of contacts are included
-    only if geoms of the model may touch, which `touching` tells.
+    only if geoms of the model may touch, which `touching` tells, that of dampers only in a model
+    with dampers and in a run in time.
     """
     given = PymunkSettings.read(run.settings).model_dump(exclude_unset=True)
     own = given.pop("defaults", False)
@@ -56,6 +59,8 @@ def settings_of_run(run: Run, model: mujoco.MjModel, touching: bool) -> Settings
     }
     if touching:
         tuned |= {"collision_slop": 0.1 if own else CONTACT_SLOP, "collision_bias": CHIPMUNK_BIAS}
+    if run.kind == "dynamics" and is_damped(model):
+        tuned["midpoint_damping"] = not own
     return tuned | given
 
 

@@ -8,18 +8,18 @@ The errors fall with the step h as follows:
                                     Accelerations are differences of rates; few iterations leave an
                                     error of h in rates, and may leave h^0 in accelerations
     contacts                        h at an impact, which is a step late; h^2 while a contact lasts
-    dampers, servos with a rate     h: they use the rate before the step
+    dampers, servos with a rate     h^2 by the midpoint rule, h as Chipmunk has them: with the rate
+                                    after the forces of the step
     dry friction of joints          h at a halt, late by a part of a step; h^2 between halts
 
 Chipmunk's step of a spring and a damper is stable for z^2 up to 2 (1 + exp(2 zeta z)), with
-z = h omega and the damping ratio zeta.
+z = h omega and the damping ratio zeta; with the midpoint rule for z up to 2.
 """
 
 import numpy as np
-from mujoco import MjModel
 
 from proofmass.base.arrays import Array
-from proofmass.sim.contents import has_dry_friction, is_linear_in_joint, may_touch
+from proofmass.sim.contents import has_dry_friction, is_damped, may_touch
 from proofmass.sim.protocol.theory import Scheme, Theory
 from proofmass.sim.protocol.tuning import Scan, Studied
 
@@ -34,12 +34,32 @@ def chipmunk_step(z: float, zeta: float) -> Array:
     return np.array([[1.0, 1.0], [-damped_share * z**2, damped_share * (1.0 - z**2)]])
 
 
+def midpoint_damped_step(z: float, zeta: float) -> Array:
+    """Matrix of a step with `proofmass.sim.pymunk.dampers` for a spring and a damper, a `StepMap`.
+
+    The damper has the mean of the velocities before and after the step.
+
+    >>> midpoint_damped_step(1.0, 0.5).round(3).tolist()
+    [[1.0, 1.0], [-0.667, -0.333]]
+    """
+    share = 1.0 / (1.0 + zeta * z)
+    return np.array([[1.0, 1.0], [-share * z**2, share * (1.0 - zeta * z - z**2)]])
+
+
 ANY_VALUE = (0.0,)
+CHIPMUNK_DAMPERS = Scheme(
+    "pymunk, Chipmunk's dampers",
+    chipmunk_step,
+    "z² = 2 (1 + exp 2ζz)",
+    {"midpoint_damping": False},
+    half_kick=True,
+    tried={"spring": (0.1, 0.3)},
+)
 SCHEMES = (
     Scheme(
         "pymunk",
-        chipmunk_step,
-        "z² = 2 (1 + exp 2ζz)",
+        midpoint_damped_step,
+        "z = 2",
         half_kick=True,
         tried={
             "spring": (0.0, 0.1, 0.3),
@@ -51,6 +71,7 @@ SCHEMES = (
             "fade": (0.05,),
         },
     ),
+    CHIPMUNK_DAMPERS,
 )
 
 
@@ -66,18 +87,14 @@ class PymunkTheory(Theory):
             return (1.0, *braked) if derivative < 2 else (1.0, *braked, 0.0)
         if scan.varied != "timestep":
             return ()
-        if may_touch(about.model) or is_damped(about.model) or has_dry_friction(about.model):
+        own = scan.settings[0].get("defaults")
+        own_dampers = not scan.settings[0].get("midpoint_damping", not own)
+        if (
+            may_touch(about.model)
+            or (own_dampers and is_damped(about.model))
+            or has_dry_friction(about.model)
+        ):
             return (1.0, 2.0)
-        if not scan.settings[0].get("defaults"):
+        if not own:
             return (2.0,)
         return (1.0,) if derivative < 2 else (1.0, 0.0)
-
-
-def is_damped(model: MjModel) -> bool:
-    """Whether dampers or servos depend on rates, for which Chipmunk is of first order."""
-    servos = (a for a in range(model.nactuator) if is_linear_in_joint(model, a))
-    return bool(
-        model.dof_damping.any()
-        or model.tendon_damping.any()
-        or any(model.actuator_biasprm[a, 2] for a in servos)
-    )

@@ -6,7 +6,8 @@ import pymunk
 import pytest
 
 from proofmass.sim.mujoco.theory import SCHEMES, discrete_map, euler_map, explicit_euler_map
-from proofmass.sim.pymunk.theory import chipmunk_step
+from proofmass.sim.pymunk.dampers import midpoint_dampers
+from proofmass.sim.pymunk.theory import chipmunk_step, midpoint_damped_step
 from proofmass.sim.stability import stability_limit
 from proofmass.studies.stress import problems, theory
 from proofmass.studies.stress.boundary import Boundary
@@ -76,6 +77,7 @@ def test_limits_have_closed_forms(zeta):
     assert stability_limit(euler_map, zeta) == pytest.approx(2 * (zeta + root), rel=1e-6)
     assert stability_limit(explicit_euler_map, zeta) == pytest.approx(2 * (root - zeta), rel=1e-6)
     assert stability_limit(discrete_map, zeta) == np.inf
+    assert stability_limit(midpoint_damped_step, zeta) == pytest.approx(2.0, rel=1e-6)
 
 
 def test_chipmunk_has_no_limit_beyond_a_damping_of_a_quarter():
@@ -111,17 +113,27 @@ def test_step_matrices_are_those_of_mujoco(integrator, z, zeta):
 
 @pytest.mark.parametrize("zeta", [0.0, 0.1, 0.3])
 @pytest.mark.parametrize("z", [0.5, 2.5])
-def test_the_step_matrix_is_that_of_chipmunk(z, zeta):
+@pytest.mark.parametrize("on_a_slide", [False, True])
+@pytest.mark.parametrize("midpoint", [False, True])
+def test_the_step_matrix_is_that_of_chipmunk(midpoint, on_a_slide, z, zeta):
     columns = []
     for place, rate in ((1.0, 0.0), (0.0, 1.0 / z)):
         space, body = pymunk.Space(), pymunk.Body(1.0, 1.0)
-        body.angle, body.angular_velocity = place, rate
         spring = pymunk.DampedRotarySpring(space.static_body, body, 0.0, 1.0, 2 * zeta)
+        body.angle, body.angular_velocity = place, rate
+        if on_a_slide:
+            body.angle, body.angular_velocity = 0.0, 0.0
+            body.position, body.velocity = (place, 0.0), (rate, 0.0)
+            ends = (-10.0, 0.0), (0.0, 0.0)
+            spring = pymunk.DampedSpring(space.static_body, body, *ends, 10.0, 1.0, 2 * zeta)
         space.add(body, spring)
+        for act in midpoint_dampers(space, z) if midpoint else ():
+            act()
         space.step(z)
-        columns.append((body.angle, z * body.angular_velocity))
-    found = np.array(columns).T
-    assert found == pytest.approx(chipmunk_step(z, zeta), abs=1e-12)
+        turned = body.angle, z * body.angular_velocity
+        columns.append((body.position.x, z * body.velocity.x) if on_a_slide else turned)
+    step = midpoint_damped_step if midpoint else chipmunk_step
+    assert pytest.approx(step(z, zeta), abs=1e-12) == np.array(columns).T
 
 
 def test_a_row_of_masses_has_the_frequencies_of_its_compiled_model():
