@@ -16,11 +16,14 @@ Chipmunk's step of a spring and a damper is stable for z^2 up to 2 (1 + exp(2 ze
 z = h omega and the damping ratio zeta; with the midpoint rule for z up to 2.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.sim.contents import has_dry_friction, is_damped, may_touch
-from proofmass.sim.protocol.theory import Scheme, Theory
+from proofmass.sim.problem_models import wheel_model
+from proofmass.sim.protocol.theory import LimitProblem, Scheme, Stepping, Theory
 from proofmass.sim.protocol.tuning import Scan, Studied
 
 
@@ -47,14 +50,6 @@ def midpoint_damped_step(z: float, zeta: float) -> Array:
 
 
 ANY_VALUE = (0.0,)
-CHIPMUNK_DAMPERS = Scheme(
-    "pymunk, Chipmunk's dampers",
-    chipmunk_step,
-    "z² = 2 (1 + exp 2ζz)",
-    {"midpoint_damping": False},
-    half_kick=True,
-    tried={"spring": (0.1, 0.3)},
-)
 SCHEMES = (
     Scheme(
         "pymunk",
@@ -71,7 +66,6 @@ SCHEMES = (
             "fade": (0.05,),
         },
     ),
-    CHIPMUNK_DAMPERS,
 )
 
 
@@ -79,6 +73,20 @@ class PymunkTheory(Theory):
     """Orders and stability limits of pymunk."""
 
     schemes = SCHEMES
+
+    def limit_problems(self) -> Iterator[LimitProblem]:
+        """Springs with Chipmunk's own dampers."""
+        for zeta in (0.1, 0.3):
+            yield LimitProblem(
+                f"spring on a hinge, ζ = {zeta:g}, Chipmunk's dampers",
+                "pymunk",
+                "dt ω",
+                "z² = 2 (1 + exp 2ζz)",
+                chipmunk_stepping(wheel_model(1.0, 2.0 * zeta)),
+                chipmunk_step,
+                zeta,
+                reach=100.0,
+            )
 
     def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
         """Orders that the errors of a scan may show; j as `derivative` in `Engine.orders`."""
@@ -98,3 +106,8 @@ class PymunkTheory(Theory):
         if not own:
             return (2.0,)
         return (1.0,) if derivative < 2 else (1.0, 0.0)
+
+
+def chipmunk_stepping(text: str) -> Stepping:
+    """A model with Chipmunk's own dampers and a step that is varied; its value is watched."""
+    return lambda step: (text, step, {"midpoint_damping": False}, "place")
