@@ -189,11 +189,11 @@ def test_bare_engines_have_the_limits_of_theory_in_small_models(name):
     assert_boundary_is_near(search, limit)
 
 
-def test_a_damped_spring_has_no_limit_in_pymunk():
+def test_a_damped_spring_has_no_limit_with_chipmunks_own_dampers():
     assert (
         limit_of_bare_engine("pymunk", "spring, ζ = 0.3")
         == np.inf
-        == PROBLEMS["spring on a hinge, ζ = 0.3, pymunk, dt ω"].theory
+        == PROBLEMS["spring on a hinge, ζ = 0.3, Chipmunk's dampers, pymunk, dt ω"].theory
     )
 
 
