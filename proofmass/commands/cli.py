@@ -722,8 +722,8 @@ def balancer_command(
     catalogue: Annotated[
         Path | None,
         typer.Option(
-            help="CSV file 'spring,stiffness [N m/rad]' to choose the springs from.",
-            show_default="907, 903, 908",
+            help="CSV file 'spring,stiffness [N m/rad]': the design has springs of this stock, one "
+            "or two at a joint. Without it, springs 907, 903, 908 are fitted to the design.",
         ),
     ] = None,
     extension: Annotated[
@@ -736,13 +736,18 @@ def balancer_command(
     strips: Annotated[
         Path | None,
         typer.Option(
-            help="CSV file of the strips that a maker offers; a clock spring is made of them for "
-            "each joint. docs/balancer.md describes the columns."
+            help="CSV file of the strips that a maker offers: the design has clock springs that "
+            "can be made of them. docs/balancer.md describes the columns."
         ),
     ] = None,
     moment: Annotated[
-        float, typer.Option(min=1e-9, help="m g r in N m that the clock springs balance.")
-    ] = 1.0,
+        float | None,
+        typer.Option(
+            min=1e-9,
+            help="m g r in N m that springs of the stock balance.",
+            show_default="1 with --strips, free with --catalogue",
+        ),
+    ] = None,
     beside: Annotated[
         list[Path] | None,
         typer.Option(

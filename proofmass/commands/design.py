@@ -1,6 +1,8 @@
 """``proofmass design``: find a mechanism, write it as a case, and check the case."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,8 +29,17 @@ from proofmass.batch.check import check
 from proofmass.commands.command import error_console, exit_on_error
 from proofmass.commands.survey import survey_balancers
 from proofmass.commands.tolerances import ask_tolerances
-from proofmass.design.search import Effort, SavedSearch
-from proofmass.design.springs import CATALOGUE, describe_design, read_catalogue, read_strips
+from proofmass.design.search import Effort, SavedSearch, SearchProgress
+from proofmass.design.springs import (
+    CATALOGUE,
+    SpringStrip,
+    describe_design,
+    design_figures,
+    fit_catalogue,
+    read_catalogue,
+    read_strips,
+)
+from proofmass.design.stock import SpringOption, catalogue_options, search_stock, strip_options
 from proofmass.design.template import write_case
 from proofmass.run.sidecar import load_case
 
@@ -93,7 +104,7 @@ def design_balancer(
     catalogue: Path | None,
     extension: str | None,
     strips: Path | None,
-    moment: float,
+    moment: float | None,
     beside: list[Path] | None,
     tolerances: tuple[list[str] | None, int, float],
 ) -> None:
@@ -126,8 +137,7 @@ def design_balancer(
             )
         stock = read_catalogue(catalogue) if catalogue else CATALOGUE
         sections = read_strips(strips) if strips else []
-        if sections and springs != "linear":
-            raise ValueError(f"--strips: clock springs are linear, and --springs is {springs}")
+        check_stock(catalogue, strips, springs)
         variant = Variant(
             wanted.name,
             segments,
@@ -144,7 +154,13 @@ def design_balancer(
         protect(filter(None, (table, catalogue, strips, *(beside or []))))
         make_folder(output)
         found = search_designs(task, scale_effort(effort, seed), output / "search.npz")
-        record = {"seed": seed, **describe_design(task, found, stock, sections, moment)}
+        record: dict[str, Any] = {"seed": seed}
+        if catalogue or sections:
+            options = strip_options(sections) if sections else catalogue_options(stock)
+            balanced = moment or (1.0 if sections else None)
+            record |= describe_stock(task, found, options, balanced, stock, sections, output)
+        else:
+            record |= describe_design(task, found, stock)
         print_design(record)
         write_output(output / "design.json", json.dumps(record, indent=1))
         for line in tolerance_check.run(record["parameters"], wanted, 1.0, output / "tolerances")[
@@ -155,6 +171,53 @@ def design_balancer(
             write_pareto_front(task, found, output)
         code = check_design(record, others, output)
         raise typer.Exit(code or int(cannot_be_built(record)))
+
+
+def check_stock(catalogue: Path | None, strips: Path | None, springs: str) -> None:
+    """Raise ValueError for two stocks, or for a stock of linear springs where others are wanted."""
+    if catalogue and strips:
+        raise ValueError("--catalogue, --strips: give one stock, of springs or of strips")
+    for option, words in (("--catalogue", "its springs"), ("--strips", "clock springs")):
+        given = catalogue if option == "--catalogue" else strips
+        if given and springs != "linear":
+            raise ValueError(f"{option}: {words} are linear, and --springs is {springs}")
+
+
+def describe_stock(
+    task: Synthesis,
+    found: Array,
+    options: list[SpringOption],
+    moment: float | None,
+    catalogue: dict[str, float],
+    strips: list[SpringStrip],
+    folder: Path,
+) -> dict[str, Any]:
+    """Search the best design with springs of the stock; its record, and that of the one without."""
+    with search_bar("searching springs of the stock") as advance:
+        best = search_stock(task, found, options, moment, folder, advance)
+    free = design_figures(task, found[0])
+    if best is None:
+        record = describe_design(task, found, {}, strips, moment or 1.0)
+        reason = "no combination of springs of the stock can be built and balances anything"
+        return record | {"without_stock": free, "stock": {"why": reason}}
+    designs = np.concatenate([best.vector[None], found])
+    record = describe_design(task, designs, {}, strips, best.moment)
+    if not strips:
+        rounded = fit_catalogue(task, found, catalogue)
+        record["selection"] = {
+            "springs": best.springs,
+            "stiffness": best.stiffness,
+            "moment": best.moment,
+            "rounded_rmse": rounded.get("rmse"),
+            **design_figures(task, best.vector),
+        }
+    counts = {
+        "combinations": best.combinations,
+        "tried": best.tried,
+        "evaluations": best.evaluations,
+        "moment": best.moment,
+    }
+    return record | {"without_stock": free, "stock": counts}
 
 
 def find_target(name: str) -> Target:
@@ -251,6 +314,15 @@ def scale_effort(effort: float, seed: int) -> Effort:
 
 def search_designs(task: Synthesis, effort: Effort, file: Path) -> Array:
     """Search for designs (B, d), best first, with a progress bar on standard error."""
+    with search_bar("searching") as advance:
+        search = SavedSearch(task, effort, file)
+        search.run(advance)
+    return search.found
+
+
+@contextmanager
+def search_bar(words: str) -> Iterator[SearchProgress]:
+    """Show a progress bar on standard error; yields the function that a search calls."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -258,14 +330,12 @@ def search_designs(task: Synthesis, effort: Effort, file: Path) -> Array:
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=error_console, transient=True) as bar:
-        line = bar.add_task("searching", total=effort.steps, best="")
+        line = bar.add_task(words, total=1, best="")
 
         def advance(step: int, steps: int, value: float) -> None:
             bar.update(line, completed=step, total=steps, best=f"error {value:.5f}")
 
-        search = SavedSearch(task, effort, file)
-        search.run(advance)
-    return search.found
+        yield advance
 
 
 def print_design(record: dict[str, Any]) -> None:
@@ -278,6 +348,8 @@ def print_design(record: dict[str, Any]) -> None:
         print(f"  {name:<12}{value: .6f}")
     if free := joints_without_springs(chain_of(record["parameters"])):
         print(f"no spring needed in {' and '.join(f'joint {joint}' for joint in free)}")
+    if stock := record.get("stock"):
+        print(stock.get("why") or tell_stock(record))
     if chosen := record.get("selection"):
         joints = " | ".join(" + ".join(pair) or "none" for pair in chosen["springs"])
         print(
@@ -295,9 +367,21 @@ def print_design(record: dict[str, Any]) -> None:
             print(f"joint {joint['joint']}: {joint.get('why', 'no spring')}")
 
 
+def tell_stock(record: dict[str, Any]) -> str:
+    """What the search over the stock did, and what the stock costs."""
+    stock, rounded = record["stock"], record.get("selection", {}).get("rounded_rmse")
+    after = f", {rounded:.6f} with springs rounded after the search" if rounded else ""
+    return (
+        f"springs of the stock for m g r = {stock['moment']:.5f} N m: {stock['tried']:,} of "
+        f"{stock['combinations']:,} combinations improved, {stock['evaluations']:,} designs "
+        f"evaluated; rmse {record['without_stock']['rmse']:.6f} without regard to the stock{after}"
+    )
+
+
 def cannot_be_built(record: dict[str, Any]) -> bool:
-    """Whether a joint needs a spring that no strip gives."""
-    return any("why" in joint for joint in record.get("clock_springs", []))
+    """Whether a joint needs a spring that no strip gives, or no combination of springs works."""
+    joints = record.get("clock_springs", [])
+    return "why" in record.get("stock", {}) or any("why" in joint for joint in joints)
 
 
 def write_pareto_front(task: Synthesis, found: Array, folder: Path) -> None:

@@ -182,9 +182,9 @@ def describe_design(
 ) -> dict[str, Any]:
     """The record of the first of the designs (B, d), which are sorted with the best first.
 
-    For linear springs it includes catalogue springs (from `catalogue`), for that design with which
-    they give the smallest error.  With `strips` it includes the clock springs with which the first
-    design balances m g r = `moment` [N m].
+    For linear springs it includes springs of the catalogue, if there are any, for that design with
+    which they give the smallest error.  With `strips` it includes the clock springs with which the
+    first design balances m g r = `moment` [N m].
     """
     variant = task.variant
     record = {
@@ -198,7 +198,8 @@ def describe_design(
         "points": task.angles.size,
         **design_figures(task, vectors[0]),
     }
-    if variant.springs == "linear" and (chosen := fit_catalogue(task, vectors, catalogue)):
+    fits = bool(catalogue) and variant.springs == "linear"
+    if fits and (chosen := fit_catalogue(task, vectors, catalogue)):
         record["selection"] = chosen
     if strips:
         record["clock_springs"] = choose_clock_springs(task, vectors[0], strips, moment)

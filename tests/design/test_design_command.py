@@ -12,6 +12,7 @@ from proofmass.analytic.balancer.measures import precision_points, rmse, work_re
 from proofmass.batch.check import Result
 from proofmass.commands import design as command
 from proofmass.commands.cli import design as app
+from proofmass.design import stock
 from proofmass.design.search import Effort, SavedSearch
 from proofmass.design.springs import STRIP_HEADER, read_strips, strip_stiffness
 from proofmass.run.sidecar import load_case
@@ -23,6 +24,8 @@ def quick(request, monkeypatch):
     """Make searches last a second, except in slow tests."""
     if "slow" not in request.keywords:
         monkeypatch.setattr(command, "scale_effort", lambda _, seed: Effort(((8, 2), (4, 2)), seed))
+        monkeypatch.setattr(stock, "STOCK_HEATS", ((20, 2), (5, 2)))
+        monkeypatch.setattr(stock, "STOCK_CANDIDATES", 20)
 
 
 def run_design(*args):
