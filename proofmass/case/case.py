@@ -942,6 +942,11 @@ class Case(Strict, ShownAsHtml):
             raise ValueError(
                 "run.equilibrium: its drives stand still, and a path moves them; leave out this run"
             )
+        if moved := next((one.joint for one in self.drive if one.profile is not None), None):
+            raise ValueError(
+                f"run.equilibrium: its drives stand still, and the profile of {moved!r} moves "
+                "it; leave out this run, or give the drive's place as 'from' without a profile"
+            )
         shortest = min((rod.length for rod in self.rod.values()), default=None)
         if shortest is None:
             raise ValueError("run.equilibrium needs a [rod.NAME]: it is sampled along its length")

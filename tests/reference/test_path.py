@@ -405,6 +405,13 @@ def test_an_equilibrium_run_of_a_path_is_refused(models):
     assert "run.equilibrium: its drives stand still" in bad_input(file)
 
 
+def test_an_equilibrium_run_of_a_motion_profile_is_refused(models):
+    """It would hold the drives where none of the profile's places need be."""
+    file = models / "rfr2_circles.toml"
+    file.write_text(file.read_text().replace("[run.sweep]", "[run.equilibrium]"))
+    assert "the profile of 'motor1' moves it" in bad_input(file)
+
+
 GANTRY = '''
 from proofmass.analytic.inverse import InverseProblem
 from proofmass.analytic.protocol import Length, Reference
