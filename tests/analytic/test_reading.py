@@ -23,7 +23,7 @@ from proofmass.analytic.planar.forces import (
     inertial_forces,
     mass_matrix,
 )
-from proofmass.analytic.planar.kinematics import loop_jacobian, loop_violations, move_bodies
+from proofmass.analytic.planar.kinematics import linearise_loops, move_bodies
 from proofmass.analytic.planar.mechanism import make_mechanism
 from proofmass.analytic.spatial.kinematics import advance_pose
 from proofmass.analytic.spatial.mechanism import make_tree
@@ -141,7 +141,7 @@ def planar_terms(data, states):
     motion = move_bodies(m, q, v, np.zeros_like(v))
     centre = centre_jacobians(m, motion)
     force = applied_forces(m, motion, centre, q, v, ctrl) - inertial_forces(m, centre, motion)
-    loops = loop_violations(m, motion, q), loop_jacobian(m, motion, q)
+    loops = linearise_loops(m, q)
     return mass_matrix(m, centre), force, *loops
 
 

@@ -55,8 +55,7 @@ from proofmass.analytic.planar.kinematics import (
     condition_numbers,
     count_dof,
     joint_rates,
-    loop_jacobian,
-    loop_violations,
+    linearise_loops,
     move_bodies,
     nearest_pose,
 )
@@ -719,8 +718,8 @@ class LinkageAtRest:
         """
         m, motion = self.m, move_bodies(self.m, q)
         force = applied_forces(m, motion, centre_jacobians(m, motion), q, 0.0, ctrl)
-        rows = loop_jacobian(m, motion, q) / m.loop_units[:, None]
-        return force, rows, loop_violations(m, motion, q) / m.loop_units
+        violations, rows = linearise_loops(m, q)
+        return force, rows / m.loop_units[:, None], violations / m.loop_units
 
     def values(self, q: Array) -> Array:
         """Values of the drives (n, drives) [rad or m]."""

@@ -51,11 +51,10 @@ from proofmass.analytic.planar.forces import (
 )
 from proofmass.analytic.planar.kinematics import (
     CLOSING_TOLERANCE,
-    BodyMotion,
     count_dof,
+    linearise_loops,
     loop_bias,
     loop_jacobian,
-    loop_violations,
     move_bodies,
     nearest_pose,
     nearest_rates,
@@ -127,28 +126,23 @@ class TangentChart:
         q[self.drives.rates] = wanted = self.drives.profile(t)[0]
         wanted = np.concatenate([(wanted - self.q[self.drives.rates]) / self.units, z])
         while True:
-            motion = move_bodies(m, q[None])
-            errors = np.concatenate(
-                [
-                    loop_violations(m, motion, q[None])[0] / m.loop_units,
-                    self.coordinates @ ((q - self.q) / m.scale) - wanted,
-                ]
-            )
+            (violations,), (loops,) = linearise_loops(m, q[None])
+            apart = self.coordinates @ ((q - self.q) / m.scale) - wanted
+            errors = np.concatenate([violations / m.loop_units, apart])
             size = np.abs(errors).max()
             if not size < 0.5 * last or size < NEWTON_ROUNDING:
                 break
             last = size
-            q = q - np.linalg.solve(self.matrix(q, motion), errors) * m.scale
+            q = q - np.linalg.solve(self.matrix(loops), errors) * m.scale
         if not size < CLOSING_TOLERANCE:
             raise CannotAssemble("the loops do not close: a free motion has left its branch")
         self.at, self.z = q, z
-        return q, np.linalg.inv(self.matrix(q, motion)) * m.scale[:, None]
+        return q, np.linalg.inv(self.matrix(loops)) * m.scale[:, None]
 
-    def matrix(self, q: Array, motion: BodyMotion) -> Array:
-        """Jacobian of loops, drives and coordinates by the joints (joints, joints)."""
-        m = self.m
-        loops = loop_jacobian(m, motion, q[None])[0] * m.scale / m.loop_units[:, None]
-        return np.concatenate([loops, self.coordinates])
+    def matrix(self, loops: Array) -> Array:
+        """Jacobian of loops (rows, joints), drives and coordinates, in units (joints, joints)."""
+        scaled = loops * self.m.scale / self.m.loop_units[:, None]
+        return np.concatenate([scaled, self.coordinates])
 
     def motion(self, y: Array, t: float) -> tuple[Array, Array, Array, Array]:
         """Find pose, rates, accelerations (joints,) and z̈ of a state y = (z, ż) at a time."""
@@ -158,9 +152,7 @@ class TangentChart:
         by_drives, self.into = inverse[:, m.rows : self.held], inverse[:, self.held :]
         into, v = self.into, self.into @ y[half:] + by_drives @ (rate / self.units)
         without_accelerations = move_bodies(m, q[None], v[None], np.zeros((1, v.size)))
-        gamma = -inverse[:, : m.rows] @ (
-            loop_bias(m, without_accelerations, q[None], v[None])[0] / m.loop_units
-        )
+        gamma = -inverse[:, : m.rows] @ (loop_bias(m, q[None], v[None])[0] / m.loop_units)
         gamma = gamma + by_drives @ (acceleration / self.units)
         centre = centre_jacobians(m, without_accelerations)
         matrix = mass_matrix(m, centre)[0]
@@ -286,7 +278,7 @@ class FreeMechanism:
     def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
         """Constraints of loops and drives in a state, and the force they and stops must exert."""
         m, motion = self.m, move_bodies(self.m, q[None], v[None], a[None])
-        centre, loops = centre_jacobians(m, motion), loop_jacobian(m, motion, q[None])[0]
+        centre, loops = centre_jacobians(m, motion), loop_jacobian(m, q[None])[0]
         ctrl = self.controls.at(t)[None] if self.controls else None
         force = inertial_forces(m, centre, motion) - applied_forces(
             m, motion, centre, q[None], v[None], ctrl

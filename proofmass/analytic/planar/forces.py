@@ -247,7 +247,7 @@ def solve_forces(
     needed = inertial_forces(m, centre, motion) + a @ m.inertia.fixed + friction
     needed -= applied_forces(m, motion, centre, q, v, ctrl)
     needed[:, d.driven] += motor_forces(m, q, v, ctrl)[:, d.driven]  # its own motor is the drive
-    matrix = loop_jacobian(m, motion, q)
+    matrix = loop_jacobian(m, q)
     # the drives' moments are in no equation of the joints that follow, which give the multipliers
     following_rows = matrix[..., d.following].swapaxes(1, 2)
     right = needed[:, d.following, None]

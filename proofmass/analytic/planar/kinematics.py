@@ -18,6 +18,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import CannotAssemble, SingularHere, without_rounding
 from proofmass.analytic.planar.mechanism import (
+    Coupling,
     Mechanism,
     Overconstrained,
 )
@@ -99,41 +100,56 @@ def jacobian(m: Mechanism, motion: BodyMotion, bodies: Index, points: Complex) -
     return np.asarray(columns * m.moved_by[bodies])
 
 
-def loop_violations(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
-    """Constraint violations of the loops (n, rows): x and y of each pin [m], then couplings."""
-    return _stack_rows(
-        _pin_offsets(m, motion, 0),
-        [_coupling_violation(m, q, k) for k in range(len(m.couplings))],
-        len(q),
-    )
+def linearise_loops(m: Mechanism, q: Array) -> tuple[Array, Array]:
+    """Find the loops' constraint violations, and their derivatives by the joints.
 
+    Parameters
+    ----------
+    m : Mechanism
+    q : ndarray (n, joints)
+        Joint values [rad or m].
 
-def loop_jacobian(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
-    """Derivatives of the residual by the joints (n, rows, joints)."""
+    Returns
+    -------
+    violations : ndarray (n, rows)
+        x and y of each pin [m], then couplings [rad or m].
+    jacobian : ndarray (n, rows, joints)
+    """
     n, joints = q.shape
-    matrix = np.empty((n, m.rows, joints))
-    pins = 2 * len(m.pins)
-    if pins:
-        ends = jacobian(m, motion, m.ends[0], motion.points(*m.ends))
-        apart = ends[:, : len(m.pins)] - ends[:, len(m.pins) :]
-        matrix[:, 0:pins:2], matrix[:, 1:pins:2] = apart.real, apart.imag
-    for k, c in enumerate(m.couplings, pins):
-        slope = np.polynomial.Polynomial(c.polynomial).deriv()(weighted_sum(c.two, q - m.zeros))
-        matrix[:, k] = 0.0
-        for joint, share in c.one:
-            matrix[:, k, joint] += share
-        for joint, share in c.two:
-            matrix[:, k, joint] -= share * slope
-    return matrix
+    moved, pins = q - m.zeros, m.pin_equations
+    size, angle = _term_sizes(m, moved, 1.0), moved @ pins.turning
+    terms = np.concatenate([size * np.cos(angle), size * np.sin(angle)], axis=1)
+    rows = (terms @ pins.linear).reshape(n, 2 * len(m.pins), 1 + joints)
+    if m.couplings:
+        couplings = [_linearise_coupling(c, moved) for c in m.couplings]
+        rows = np.concatenate([rows, np.stack(couplings, axis=1)], axis=1)
+    return rows[..., 0], rows[..., 1:]
 
 
-def loop_bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
-    """Second time derivative of the residual when the joints do not accelerate (n, rows)."""
-    couplings = []
-    for c in m.couplings:
+def loop_violations(m: Mechanism, q: Array) -> Array:
+    """Constraint violations of the loops (n, rows): x and y of each pin [m], then couplings."""
+    return linearise_loops(m, q)[0]
+
+
+def loop_jacobian(m: Mechanism, q: Array) -> Array:
+    """Derivatives of the constraint violations by the joints (n, rows, joints)."""
+    return linearise_loops(m, q)[1]
+
+
+def loop_bias(m: Mechanism, q: Array, v: Array) -> Array:
+    """Second time derivative of the violations when the joints do not accelerate (n, rows)."""
+    moved, pins = q - m.zeros, m.pin_equations
+    angle, rate = moved @ pins.turning, v @ pins.turning
+    size, growth = _term_sizes(m, moved, 1.0), _term_sizes(m, v, 0.0)
+    terms = (2j * growth * rate - size * rate**2) * np.exp(1j * angle)
+    offsets = terms @ pins.offsets
+    bias = np.empty((len(q), m.rows))
+    last = 2 * len(m.pins)
+    bias[:, 0:last:2], bias[:, 1:last:2] = offsets.real, offsets.imag
+    for k, c in enumerate(m.couplings, last):
         bend = np.polynomial.Polynomial(c.polynomial).deriv(2)(weighted_sum(c.two, q - m.zeros))
-        couplings.append(-bend * weighted_sum(c.two, v) ** 2)
-    return _stack_rows(_pin_offsets(m, motion, 2), couplings, len(q))
+        bias[:, k] = -bend * weighted_sum(c.two, v) ** 2
+    return bias
 
 
 def largest_violation(m: Mechanism, q: Array) -> tuple[float, str]:
@@ -142,7 +158,7 @@ def largest_violation(m: Mechanism, q: Array) -> tuple[float, str]:
     It is the largest in `Mechanism.loop_units`.  The text names the loop, and has the violation
     with its unit.
     """
-    r = loop_violations(m, move_bodies(m, q[None]), q[None])[0]
+    r = loop_violations(m, q[None])[0]
     last = 2 * len(m.pins)
     violations = np.append(np.hypot(r[0:last:2], r[1:last:2]), np.abs(r[last:]))
     units = np.append(m.loop_units[0:last:2], m.loop_units[last:])
@@ -177,31 +193,28 @@ def lipschitz(m: Mechanism, q: Array) -> Array:
     return total
 
 
-def _pin_offsets(m: Mechanism, motion: BodyMotion, order: int) -> Complex:
-    """Vector from the second end of each pin to its first (pins, n), or a time derivative."""
-    ends = motion.points(*m.ends, order)
-    return np.asarray(ends[: len(m.pins)] - ends[len(m.pins) :])
+def _term_sizes(m: Mechanism, joint: Array, of_frames: float) -> Array:
+    """Sizes (n, terms) of the terms of `PinEquations`, or their rates, from those of the joints."""
+    frames = np.full((len(joint), len(m.frames.turning)), of_frames)
+    return np.concatenate([frames, joint[:, m.frames.slides]], axis=1)
 
 
-def _coupling_violation(m: Mechanism, q: Array, k: int) -> Array:
-    c, moved = m.couplings[k], q - m.zeros
+def _linearise_coupling(c: Coupling, moved: Array) -> Array:
+    """Violation of a coupling, and its derivatives by the joints (n, 1 + joints)."""
+    rows, two = np.zeros((len(moved), 1 + moved.shape[1])), weighted_sum(c.two, moved)
     curve = np.polynomial.Polynomial(c.polynomial)
-    return np.asarray(weighted_sum(c.one, moved) - curve(weighted_sum(c.two, moved)))
+    rows[:, 0] = weighted_sum(c.one, moved) - curve(two)
+    for joint, share in c.one:
+        rows[:, 1 + joint] += share
+    slope = curve.deriv()(two)
+    for joint, share in c.two:
+        rows[:, 1 + joint] -= share * slope
+    return rows
 
 
 def weighted_sum(weights: tuple[tuple[int, float], ...], values: Array) -> Array:
     """Weighted sum (n,) of joint values (n, joints); `weights` has joint numbers and weights."""
     return np.asarray(sum((share * values[:, j] for j, share in weights), np.zeros(len(values))))
-
-
-def _stack_rows(pins: Complex, couplings: list[Array], n: int) -> Array:
-    """Arrange rows (n, rows): x and y of each of the pins (pins, n), then the couplings."""
-    last = 2 * len(pins)
-    rows = np.empty((n, last + len(couplings)))
-    rows[:, 0:last:2], rows[:, 1:last:2] = pins.T.real, pins.T.imag
-    for k, value in enumerate(couplings, last):
-        rows[:, k] = value
-    return rows
 
 
 RANK_TOLERANCE = 1e-9
@@ -232,12 +245,12 @@ class Drives:
 
 def scaled_jacobian(m: Mechanism, q: Array) -> Array:
     """Jacobian of the loops in `Mechanism.loop_units` and `Mechanism.scale` (n, rows, joints)."""
-    return loop_jacobian(m, move_bodies(m, q), q) * m.scale / m.loop_units[:, None]
+    return loop_jacobian(m, q) * m.scale / m.loop_units[:, None]
 
 
 def scaled_violations(m: Mechanism, q: Array) -> Array:
     """Largest constraint violation of each pose (n,), in `Mechanism.loop_units`."""
-    found = loop_violations(m, move_bodies(m, q), q) / m.loop_units
+    found = loop_violations(m, q) / m.loop_units
     return np.asarray(np.abs(found).max(axis=-1, initial=0.0))
 
 
@@ -266,10 +279,10 @@ def close_loops(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
 def iterate_newton(m: Mechanism, q: Array, d: Drives, steps: int) -> Array:
     """Apply Newton's method to poses (n, joints) in place; return `scaled_violations`."""
     for _ in range(steps):
-        motion = move_bodies(m, q)
-        matrix = (loop_jacobian(m, motion, q) * m.scale)[..., d.following]
+        violations, matrix = linearise_loops(m, q)
+        matrix = matrix[..., d.following] * m.scale[d.following]
         try:
-            step = np.linalg.solve(matrix, loop_violations(m, motion, q)[..., None])[..., 0]
+            step = np.linalg.solve(matrix, violations[..., None])[..., 0]
         except np.linalg.LinAlgError:
             raise SingularHere("the loops' Jacobian is singular") from None
         q[:, d.following] -= step * m.scale[d.following]
@@ -297,10 +310,10 @@ class StartOfLinkage:
 
     def prescribed(self, q: Array) -> tuple[Array, Array]:
         """Violations of the loops, then values of the drives, and their Jacobian."""
-        motion, units = move_bodies(self.m, q[None]), np.eye(len(q))[self.joints]
-        rows = loop_jacobian(self.m, motion, q[None])[0]
+        units = np.eye(len(q))[self.joints]
+        (violations,), (rows,) = linearise_loops(self.m, q[None])
         rows = without_rounding(rows, self.m.scale / self.m.loop_units[:, None])
-        found = np.concatenate([loop_violations(self.m, motion, q[None])[0], q[self.joints]])
+        found = np.concatenate([violations, q[self.joints]])
         return found, np.concatenate([rows, units])
 
     def moved(self, q: Array, move: Array) -> Array:
@@ -325,7 +338,7 @@ def nearest_pose(
             return found
     from scipy.optimize import least_squares  # slow to load
 
-    best = least_squares(lambda q: loop_violations(m, move_bodies(m, q[None]), q[None])[0], m.start)
+    best = least_squares(lambda q: loop_violations(m, q[None])[0], m.start)
     raise CannotAssemble(
         f"cannot be assembled from the start pose: {largest_violation(m, best.x)[1]} at best"
     )
@@ -385,13 +398,13 @@ def joint_rates(
 
 def _fill_joint_rates(m: Mechanism, d: Drives, q: Array, v: Array, a: Array) -> None:
     """Fill in the rates and accelerations of the joints that follow, (n, joints), in place."""
-    matrix = loop_jacobian(m, move_bodies(m, q), q)
+    matrix = loop_jacobian(m, q)
     try:
         solve = np.linalg.inv(matrix[..., d.following])
     except np.linalg.LinAlgError:
         raise SingularHere("the drives do not determine the rates at one of the poses") from None
     v[:, d.following] = -_matrix_times(solve, _matrix_times(matrix[..., d.driven], v[:, d.driven]))
-    drift = loop_bias(m, move_bodies(m, q, v, np.zeros_like(q)), q, v)
+    drift = loop_bias(m, q, v)
     a[:, d.following] = -_matrix_times(
         solve, _matrix_times(matrix[..., d.driven], a[:, d.driven]) + drift
     )

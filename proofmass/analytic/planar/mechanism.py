@@ -284,11 +284,9 @@ class Mechanism:
         return Frames.of(self)
 
     @cached_property
-    def ends(self) -> tuple[Index, Complex]:
-        """Bodies (2 pins,) and points (2 pins, 1): the first ends of all pins, then the second."""
-        bodies = [getattr(p, k) for k in ("one", "two") for p in self.pins]
-        points = [getattr(p, k) for k in ("on_one", "on_two") for p in self.pins]
-        return np.array(bodies, np.intp), np.array(points, complex).reshape(-1, 1)
+    def pin_equations(self) -> "PinEquations":
+        """The part of the pins' equations that is the same in all poses."""
+        return PinEquations.of(self)
 
     @cached_property
     def loaded_points(self) -> tuple[Index, Complex]:
@@ -428,6 +426,56 @@ class Frames:
             body[b] = frame
         places = np.array([joint.place for joint in m.joints], complex).reshape(-1, 1)
         return cls(body, turning, shift, slides, directions, sliding, before, places)
+
+
+@dataclass(frozen=True, eq=False)
+class PinEquations:
+    """The equations of the pins, as sums of terms with constant coefficients.
+
+    The terms are s e^(i f).  Each frame has one, with its angle f and s = 1.  Each slide has one,
+    with the slide's move s and the angle f of the frame before it.  The derivative of a term is i
+    times the term by a hinge that turns it, and e^(i f), the term of the frame before, by its own
+    slide; so the derivatives of the equations by the joints are sums of the same terms.
+
+    Attributes
+    ----------
+    turning : ndarray (joints, terms)
+        Derivative of the angle of each term by each joint [1].
+    offsets : ndarray (terms, pins), complex
+        Coefficients of the vector from the second end of each pin to its first [m; 1 of a slide].
+    linear : ndarray (2 terms, 2 pins (1 + joints))
+        Coefficients for the real parts of the terms, then for the imaginary parts.  Each x and y of
+        the vectors is followed by its derivatives by the joints [m; 1].
+    """
+
+    turning: Array
+    offsets: Complex
+    linear: Array
+
+    @classmethod
+    def of(cls, m: Mechanism) -> Self:
+        """Collect the coefficients of a mechanism."""
+        f = m.frames
+        frame_of_term = np.append(np.arange(len(f.turning)), f.before[f.slides])
+        one, two = (
+            cls.ends(f, [getattr(p, body) for p in m.pins], [getattr(p, on) for p in m.pins])
+            for body, on in (("one", "on_one"), ("two", "on_two"))
+        )
+        offsets, turning = one - two, f.turning[frame_of_term].T
+        slopes = 1j * offsets[:, None] * turning
+        slopes[:, f.slides, f.before[f.slides]] += offsets[:, len(f.turning) :]
+        both = np.concatenate([offsets[:, None], slopes], axis=1)  # (pins, 1 + joints, terms)
+        parts = np.array([[both.real, both.imag], [-both.imag, both.real]])
+        linear = parts.transpose(0, 4, 2, 1, 3).reshape(2 * len(frame_of_term), -1)
+        return cls(turning, offsets.T, linear)
+
+    @staticmethod
+    def ends(f: Frames, bodies: list[int], points: list[complex]) -> Complex:
+        """Coefficients (k, terms) of the positions of points of bodies."""
+        frames = f.body[bodies]
+        found = np.hstack([f.shift[frames], f.sliding[frames] * f.places[f.slides, 0]])
+        found[np.arange(len(frames)), frames] += points
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -95,7 +95,7 @@ def test_the_model_has_the_sources_mass_matrix_and_constraints():
     q[:, joint_order(mechanism)] = poses
     motion = move_bodies(mechanism, q)
     matrices = mass_matrix(mechanism, centre_jacobians(mechanism, motion))
-    violations = loop_violations(mechanism, motion, q)
+    violations = loop_violations(mechanism, q)
     for p, matrix, gap in zip(poses, matrices, violations, strict=True):
         own = matrix[np.ix_(joint_order(mechanism), joint_order(mechanism))]
         np.testing.assert_allclose(own, andrews.mass_matrix(p), rtol=1e-13, atol=1e-19)
