@@ -5,10 +5,9 @@
 Draws balancers within the default tolerances around two designs, computes their moments by the
 reference, and runs each of them as a model in both engines.  Prints the largest difference, and the
 share of the engine's moments that lie in the band of 95 %.  Writes docs/tolerances.png, the band of
-the first design, and docs/tolerances.json.
+the first design.
 """
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from matplotlib import rc_context
 
 from benchmarks import ROOT, command, folders
 from proofmass.analytic.balancer.measures import precision_points
@@ -32,6 +32,7 @@ from proofmass.design.tolerances import (
     find_band,
     list_deviations,
 )
+from proofmass.report.style import RC
 from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol.run import Drive, Run
 
@@ -133,8 +134,8 @@ def main(argv: Sequence[str] | None = None) -> None:
             print(f"  {engine}: {found}", flush=True)
     with folders(given.quick, ROOT) as (_, docs):
         first = next(iter(record.values()))
-        draw_band(first["band"]).savefig(docs / "tolerances.png", dpi=130)
-        (docs / "tolerances.json").write_text(json.dumps(record, indent=1) + "\n")
+        with rc_context(RC):
+            draw_band(first["band"]).savefig(docs / "tolerances.png", dpi=130)
 
 
 if __name__ == "__main__":

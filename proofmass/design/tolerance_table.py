@@ -106,7 +106,7 @@ def draw_band(record: dict[str, Any]) -> Figure:
     left.set(ylabel="moment / m g r", title=f"Moments of {record['samples']} balancers")
     right.set(ylabel="error / m g r", title="Their errors")
     words = "Variance: " + shares_text(record)
-    right.text(0.02, 0.02, words, transform=right.transAxes, fontsize=6.5, va="bottom")
+    right.text(0.02, 0.98, words, transform=right.transAxes, fontsize=6.5, va="top")
     left.legend(loc="upper left")
     return figure
 
