@@ -483,12 +483,8 @@ class RestingLinkage(Linkage):
 
     def force(self) -> Array:
         """Forces that keep the joints at rest (nv,) [N m or N]; `rows` must have set the pose."""
-        self.data.qvel[:] = 0
-        mujoco.mj_fwdVelocity(self.model, self.data)
-        mujoco.mj_fwdActuation(self.model, self.data)
-        data = self.data
-        held = data.qfrc_bias + self.rub - data.qfrc_passive - data.qfrc_actuator
-        return np.asarray(held - self.pushed())
+        self.data.qvel[:] = 0.0
+        return self.held_force()
 
     def lagrangian(self, pushes: Array, fine: bool = False) -> Array:
         """K: derivative of the forces by the joints (nv, nv) for constant forces in the loops."""
@@ -501,7 +497,7 @@ class RestingLinkage(Linkage):
                 for way in (nudge, -nudge):
                     self.data.qpos[:] = pose
                     mujoco.mj_integratePos(self.model, self.data.qpos, way, 1.0)
-                    jacobian = self.rows(inertia=False)[1]
+                    jacobian = self.present_rows(inertia=False)[1]
                     ends.append(self.force() - jacobian.T @ pushes)
                 found.append((ends[0] - ends[1]) / (2 * nudge.sum()))
             return np.array(found).T

@@ -18,7 +18,7 @@ import numpy as np
 from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import REST_RATE_SHARE, without_rounding
 from proofmass.base.arrays import Array
-from proofmass.sim.contents import anchor_bodies, anchors, pose_of
+from proofmass.sim.contents import anchor_bodies
 from proofmass.sim.dense import constraint_rows
 from proofmass.sim.mujoco.model import loop_violations
 from proofmass.sim.protocol.failures import BadModel, Unsupported
@@ -128,20 +128,25 @@ class Linkage:
                 spans += self.span(i, kind)
         self.spans = np.array([*spans, *self.sizes[self.dofs]])
         self.shares = self.sizes / self.spans[:, None]
+        self.inverse_shares = self.shares.T.copy()
         self.held = (self.units * self.shares[self.spans.size - self.dofs.size :]).copy()
         self.equalities = [
             (i, EQ(model.eq_type[i])) for i in np.flatnonzero(data.eq_active).tolist()
         ]
-        self.bodies = {
-            i: anchor_bodies(model, i) for i, kind in self.equalities if kind == EQ.mjEQ_CONNECT
+        self.connects = {
+            i: ConnectedPoints(model, data, i)
+            for i, kind in self.equalities
+            if kind == EQ.mjEQ_CONNECT
         }
         self.has_scalar_joints = (
             model.nq == model.nv
         )  # only hinges and slides, whose values can be added to
         self.last_stride = NO_DRIVE_VALUES, NO_DRIVE_VALUES, NO_DRIVE_VALUES
-        self.rub = np.zeros(model.nv)
+        self.rub, self.inertia_force = np.zeros(model.nv), np.zeros(model.nv)
         self.loaded_bodies = np.flatnonzero(data.xfrc_applied.any(axis=1))
         self.limited = bool(model.jnt_limited.any() or model.tendon_limited.any())
+        self.static_stages = [getattr(mujoco, part) for part in STATIC_STAGES]
+        self.has_friction = bool(model.dof_frictionloss.any())
 
     def span(self, i: int, kind: mujoco.mjtEq) -> list[float]:
         """Units in which the rows of equality number i are measured [m or 1].
@@ -167,7 +172,7 @@ class Linkage:
 
     def rubs(self, velocity: Array, fastest: float) -> None:
         """Set dry friction against the motion; joints at rest keep the friction that they had."""
-        if not self.model.dof_frictionloss.any():
+        if not self.has_friction:
             return
         self.rub = np.where(
             np.abs(velocity) > REST_RATE_SHARE * fastest,
@@ -181,13 +186,18 @@ class Linkage:
         With `inertia` False the inertia matrix, on which forces at rest do not depend, is not
         computed: for a chain of 80 links in space it takes twenty times as long as all the rest.
         """
+        residual, jacobian = self.present_rows(inertia)
+        return residual.copy(), jacobian.copy()
+
+    def present_rows(self, inertia: bool = True) -> tuple[Array, Array]:
+        """`rows` as views of MuJoCo's own arrays, which the next pose overwrites."""
         if inertia:
             mujoco.mj_fwdPosition(self.model, self.data)
         else:
-            for part in STATIC_STAGES:
-                getattr(mujoco, part)(self.model, self.data)
+            for part in self.static_stages:
+                part(self.model, self.data)
         data, count = self.data, self.data.ne  # the rows of equalities come first
-        return data.efc_pos[:count].copy(), constraint_rows(self.model, data)[:count].copy()
+        return data.efc_pos[:count], constraint_rows(self.model, data)[:count]
 
     def move(self, values: Array, tangent: Array | None = None) -> Array:
         """Follow the branch to new values of the drives, in strides; returns the tangent there.
@@ -197,12 +207,13 @@ class Linkage:
         pose; without it the loops are closed first.  A stride that would end in a singular pose,
         where the tangent is uncertain, is joined with the next one.
         """
-        values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
+        drives = self.dofs.size
+        values, self.data.ctrl[self.controls] = values[:drives], values[drives:]
         if tangent is None:
             tangent = self.place(self.data.qpos[self.adr])
-        tangent = tangent[:, : self.dofs.size]
+        tangent = tangent[:, :drives]
         far = values - self.data.qpos[self.adr]
-        strides = int(np.ceil((np.abs(far) / self.stride).max(initial=0.0)))
+        strides = int(np.ceil(largest(far / self.stride)))
         for part in range(strides)[::-1]:
             target, before = values - far * part / strides, self.data.qpos.copy()
             ahead = self.ahead(target, tangent)
@@ -237,13 +248,13 @@ class Linkage:
         share = (way @ line) / (line @ line or np.nan)
         if not (
             0 < share <= MAX_EXTRAPOLATION
-            and np.abs(way - share * line).max() < MAX_BEND_RATIO * np.abs(way).max()
+            and largest(way - share * line) < MAX_BEND_RATIO * largest(way)
         ):
             return move
         first, last, chord = rates @ line, tangent @ line, pose - before
         cubic = first + last - 2 * chord
         bend = share**2 * (last - chord + cubic) + share**3 * cubic
-        if np.abs(bend).max() < MAX_BEND_RATIO * np.abs(move).max():
+        if largest(bend) < MAX_BEND_RATIO * largest(move):
             move += bend
         return move
 
@@ -267,7 +278,7 @@ class Linkage:
                 continue
             for pose, inverse, controls in zip(*found, block[drives:].T, strict=True):
                 self.data.qpos[:], self.data.ctrl[self.controls] = pose, controls
-                self.inverse = self.refined(inverse, self.rows()[1])
+                self.inverse = self.refined(inverse, self.present_rows()[1])
                 tangent = self.tangent_with_loads(self.inverse[:, inverse.shape[1] - drives :])
                 yield tangent
 
@@ -310,18 +321,20 @@ class Linkage:
             if size.max() <= BATCH_TOLERANCE:
                 poses[:, self.dofs] = drives
                 left = gaps + (jacobians @ moves[..., None])[..., 0]
-                open_by = np.abs(left / self.spans[: gaps.shape[1]]).max(initial=0.0)
+                open_by = largest(left / self.spans[: gaps.shape[1]])
                 return (poses, inverses) if open_by < LOOP_TOLERANCE else None
         return None
 
     def rows_at(self, poses: Array) -> tuple[Array, Array]:
         """`rows` at poses (n, nv)."""
-        found = []
-        for pose in poses:
-            self.data.qpos[:] = pose
-            found.append(self.rows())
-        residuals, jacobians = zip(*found, strict=True)
-        return np.array(residuals), np.array(jacobians)
+        count = self.spans.size - self.dofs.size
+        residuals = np.empty((len(poses), count))
+        jacobians = np.empty((len(poses), count, self.model.nv))
+        qpos = self.data.qpos
+        for k, pose in enumerate(poses):
+            qpos[:] = pose
+            residuals[k], jacobians[k] = self.present_rows()
+        return residuals, jacobians
 
     def invert_regular(self, jacobians: Array) -> Array | None:
         """`invert` for many poses (n, nv, rows + drives); None if one is nearly singular."""
@@ -342,8 +355,9 @@ class Linkage:
         larger than the rounding of the pose.  One step of Newton's method on the inverse squares
         the error.
         """
-        rows = np.vstack([jacobian, self.units])
-        return np.asarray(2.0 * inverse - inverse @ (rows @ inverse))
+        rows = np.concatenate([jacobian, self.units])
+        found: Array = 2.0 * inverse - inverse @ (rows @ inverse)
+        return found
 
     def tangent_with_loads(self, tangent: Array) -> Array:
         """The tangent (nv, drives + loads), with zeros for loads, which do not move a linkage."""
@@ -362,7 +376,7 @@ class Linkage:
             move = -inverse[:, : residual.size] @ residual
             mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
             self.data.qpos[self.adr] = values
-            size = np.abs(move / self.sizes).max(initial=0.0)
+            size = largest(move / self.sizes)
             far += size
             if not size * far > PLACE_TOLERANCE:
                 break
@@ -372,7 +386,7 @@ class Linkage:
 
     def max_lever(self) -> float:
         """Largest motion [extents or rad] for a constraint violation of an extent, at last pose."""
-        return float(np.abs(self.inverse / self.shares.T).max())
+        return largest(self.inverse / self.inverse_shares)
 
     def closed(self, values: Array) -> tuple[Array, Array]:
         """Jacobian and residual of the loops with the drives at `values` [rad or m].
@@ -384,7 +398,7 @@ class Linkage:
         """
         residual, jacobian = self.rows()
         gaps = residual / self.spans[: residual.size]
-        if not np.abs(gaps).max(initial=0.0) < LOOP_TOLERANCE:
+        if not largest(gaps) < LOOP_TOLERANCE:
             open_by = loop_violations(self.model, self.data).max(initial=0.0)
             worst = int(np.argmax(np.abs(gaps)))
             raise BadModel(
@@ -476,27 +490,27 @@ class Linkage:
         as many rows that are not zero as columns, and if the ratio of its largest to its least
         singular value may exceed `max_condition`.
         """
-        rows = scaled.any(axis=(*range(scaled.ndim - 2), -1))
-        count = np.count_nonzero(rows)
-        if count != self.model.nv:
+        rows = np.flatnonzero(scaled.any(axis=(*range(scaled.ndim - 2), -1)))
+        if rows.size != self.model.nv:
             return None
-        square = scaled if count == rows.size else scaled[..., rows, :]
+        square = scaled if rows.size == scaled.shape[-2] else scaled[..., rows, :]
         try:
             inverse = np.linalg.inv(square)
         except np.linalg.LinAlgError:
             return None
         size, inverse_size = sum_of_squares(square), sum_of_squares(inverse)
-        if not (size * inverse_size < max_condition**2).all():
+        if not largest(size * inverse_size) < max_condition**2:
             return None
+        if rows.size == scaled.shape[-2]:
+            return np.asarray(inverse * self.inverse_shares)
         found = np.zeros((*scaled.shape[:-2], self.model.nv, scaled.shape[-2]))
-        found[..., rows] = inverse
-        found *= self.shares.T
+        found[..., rows] = inverse * self.inverse_shares[:, rows]
         return found
 
     def invert_by_svd(self, left: Array, values: Array, right: Array) -> Array:
         """The pseudo-inverse in SI of the matrix from `scaled`, by its singular values."""
         scaled_right = np.swapaxes(right, -1, -2) / values[..., None, :]
-        return np.asarray(scaled_right @ np.swapaxes(left, -1, -2) * self.shares.T)
+        return np.asarray(scaled_right @ np.swapaxes(left, -1, -2) * self.inverse_shares)
 
     def format_drives(self, values: Array) -> str:
         """The driven joints with their values."""
@@ -524,18 +538,14 @@ class Linkage:
     def acceleration(self, velocity: Array, values: Array) -> Array:
         """Joint accelerations (nv,) that keep the loops closed; needs the pose of `place`."""
         mujoco.mj_fwdVelocity(self.model, self.data)
-        drift = [self.row_drift(i, kind, velocity) for i, kind in self.equalities]
+        drift = [self.row_drift(i, velocity) for i, _ in self.equalities]
         return np.asarray(self.inverse @ np.concatenate([*drift, values]))
 
-    def row_drift(self, i: int, kind: mujoco.mjtEq, velocity: Array) -> Array:
+    def row_drift(self, i: int, velocity: Array) -> Array:
         """-J' v of equality number i, in the engine's order of rows."""
+        if i in self.connects:
+            return self.connects[i].drift(velocity)
         model, data = self.model, self.data
-        if kind == EQ.mjEQ_CONNECT:
-            (one, two), (first, second) = np.zeros((2, 3, model.nv)), self.bodies[i]
-            here, there = anchors(model, i, pose_of(data))
-            mujoco.mj_jacDot(model, data, one, None, here, first)
-            mujoco.mj_jacDot(model, data, two, None, there, second)
-            return np.asarray((two - one) @ velocity)
         second = model.eq_obj2id[i]
         if second < 0:
             return np.zeros(1)
@@ -545,13 +555,24 @@ class Linkage:
 
     def needed(self) -> Array:
         """Forces (nv,) that the open tree needs on its joints for its rates and accelerations."""
-        model, data, force = self.model, self.data, np.empty(self.model.nv)
-        mujoco.mj_fwdVelocity(model, data)
-        mujoco.mj_fwdActuation(model, data)
+        force = self.held_force()
         # mj_rne would leave out the armatures of joints, tendons and actuators
-        mujoco.mj_mulM(model, data, force, data.qacc)
-        force += data.qfrc_bias + self.rub
-        return force - data.qfrc_passive - data.qfrc_actuator - self.pushed()
+        mujoco.mj_mulM(self.model, self.data, self.inertia_force, self.data.qacc)
+        force += self.inertia_force
+        return force
+
+    def held_force(self) -> Array:
+        """`needed` without the forces of inertia that are proportional to accelerations."""
+        data = self.data
+        mujoco.mj_fwdVelocity(self.model, data)
+        mujoco.mj_fwdActuation(self.model, data)
+        force: Array = data.qfrc_bias - data.qfrc_passive
+        force -= data.qfrc_actuator
+        if self.has_friction:
+            force += self.rub
+        if self.loaded_bodies.size:
+            force -= self.pushed()
+        return force
 
     def pushed(self) -> Array:
         """Generalized forces (nv,) of the forces on bodies, which are the dead loads of rods."""
@@ -581,6 +602,41 @@ class Linkage:
             mujoco.mj_rnePostConstraint(model, data)
             mujoco.mj_sensorAcc(model, data)
         return needed @ tangent
+
+
+class ConnectedPoints:
+    """Number i of the ``connect`` equalities of a model: two points that coincide.
+
+    Attributes
+    ----------
+    ends : list of tuple
+        For each point the number of its body, live views of the place (3,) and the axes (3, 3) of
+        this body [m, 1], the point in it (3,) [m], and an array (3, nv) for the rates of its
+        Jacobian [SI].
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, i: int):
+        self.model, self.data = model, data
+        points = model.eq_data[i, :6].reshape(2, 3)
+        if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+            points = model.site_pos[[model.eq_obj1id[i], model.eq_obj2id[i]]]
+        self.ends = [
+            (b, data.xpos[b], data.xmat[b].reshape(3, 3), point, np.empty((3, model.nv)))
+            for b, point in zip(anchor_bodies(model, i), points, strict=True)
+        ]
+
+    def drift(self, velocity: Array) -> Array:
+        """-J' v of the present pose and rates (3,) [m/s^2]; needs ``mj_fwdVelocity``."""
+        for body, place, axes, point, rates in self.ends:
+            mujoco.mj_jacDot(self.model, self.data, rates, None, place + axes @ point, body)
+        first, second = (rates for *_, rates in self.ends)
+        return np.asarray((second - first) @ velocity)
+
+
+def largest(values: Array) -> float:
+    """The largest absolute value, 0 of none; for a few numbers twice as fast as ``max``."""
+    found: float = np.maximum.reduce(np.abs(values), axis=None, initial=0.0)
+    return found
 
 
 def sum_of_squares(matrices: np.ndarray) -> Array:

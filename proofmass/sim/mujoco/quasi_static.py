@@ -76,20 +76,22 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     )
     drives = len(run.drives)
     moments, stopped, solved = np.empty((run.x.size, drives)), "", run.x.size
-    force_indices = interaction_indices(record)
+    force_indices = np.array(interaction_indices(record), int)
+    has_forces = bool(force_indices.size)
     began = processor_time()
     fastest, path = float(np.abs(state[1]).max()), linkage.path(inputs[0])
     for k, (values, rates, accelerations) in enumerate(zip(*(s.T for s in inputs), strict=True)):
         try:
             tangent = next(path)
             linkage.check_limits()
-            linkage.rubs(tangent @ rates, fastest)
+            velocity = tangent @ rates
+            linkage.rubs(velocity, fastest)
             if not run.inertia:
                 data.qvel[:] = data.qacc[:] = 0.0
-                moments[k] = linkage.balance_forces(tangent, bool(force_indices))[:drives]
+                moments[k] = linkage.balance_forces(tangent, has_forces)[:drives]
                 forces = data.sensordata[force_indices]
-            data.qvel[:] = tangent @ rates
-            data.qacc[:] = linkage.acceleration(data.qvel, accelerations)
+            data.qvel[:] = velocity
+            data.qacc[:] = linkage.acceleration(velocity, accelerations)
         except (BadModel, Unsupported) as error:
             if k < 2:
                 raise
@@ -101,7 +103,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
                 f"{data.ncon} contact(s) in a sweep, at {linkage.format_drives(values[:drives])}"
             )
         if run.inertia:
-            moments[k] = linkage.balance_forces(tangent, bool(force_indices))[:drives]
+            moments[k] = linkage.balance_forces(tangent, has_forces)[:drives]
         else:
             data.sensordata[force_indices] = forces
         record.sample(k)
