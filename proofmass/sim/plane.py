@@ -64,14 +64,13 @@ def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> MotionPlane:
     hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     axes = data.xaxis
     normal = axes[hinges][0] if hinges.any() else normal_of_slides(axes, PARALLEL_TOLERANCE)
-    for joint, (hinge, axis) in enumerate(zip(hinges, axes, strict=True)):
-        off = np.linalg.norm(np.cross(normal, axis)) if hinge else abs(normal @ axis)
-        if off > PARALLEL_TOLERANCE:
-            kind = "hinge" if hinge else "slide"
-            raise Unsupported(
-                f"{kind} joint '{model.joint(joint).name}' leaves the plane "
-                f"normal to {np.round(normal, 6).tolist()}"
-            )
+    off = np.where(hinges, np.linalg.norm(np.cross(normal, axes), axis=1), np.abs(axes @ normal))
+    for joint in np.flatnonzero(off > PARALLEL_TOLERANCE).tolist():
+        kind = "hinge" if hinges[joint] else "slide"
+        raise Unsupported(
+            f"{kind} joint '{model.joint(joint).name}' leaves the plane "
+            f"normal to {np.round(normal, 6).tolist()}"
+        )
     x = np.array([1.0, 0.0, 0.0])
     if np.linalg.norm(np.cross(normal, x)) < PARALLEL_TOLERANCE:
         x = np.array([0.0, 1.0, 0.0])

@@ -522,8 +522,10 @@ class RestingLinkage(Linkage):
             raise Unsupported(
                 f"{self.data.ncon} contact(s) in a sweep with degrees of freedom left"
             )
-        yields = self.balance.displacement_under(self.pushes())
-        return np.hstack([self.balance.tangent(self.driven), yields])
+        tangent = self.balance.tangent(self.driven)
+        if not self.controls.size:
+            return tangent
+        return np.hstack([tangent, self.balance.displacement_under(self.pushes())])
 
     def pushes(self) -> Array:
         """Generalized forces of a unit control of each changing load (nv, loads)."""

@@ -373,7 +373,7 @@ class Linkage:
             residual, jacobian = self.rows()
             if far > MAX_CHORD_DISTANCE:
                 inverse, far = self.invert(jacobian), 0.0
-            move = -inverse[:, : residual.size] @ residual
+            move = inverse[:, : residual.size] @ -residual
             mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
             self.data.qpos[self.adr] = values
             size = largest(move / self.sizes)
