@@ -453,6 +453,13 @@ FASTER_TESTS = {
         "tests/sim/test_rods_2rfr.py::test_poses_along_a_path_of_both_motors_are_chain_equilibria[mujoco"
     ),
     f"{BENCHMARK_TEST}[modules_used_once": f"{BENCHMARK_TEST}[sweeping",
+    f"{BENCHMARK_TEST}[own_data": "tests/tables/test_shapes.py::test_",
+    f"{BENCHMARK_TEST}[linkage_paths": (
+        "tests/design/test_linkage_path.py::test_published_problems_are_solved_at_least_as_well"
+    ),
+    f"{BENCHMARK_TEST}[leaderboard": f"{BENCHMARK_TEST}[engines",
+    f"{BENCHMARK_TEST}[loops": "tests/evidence/test_loops.py::test_",
+    f"{BENCHMARK_TEST}[tolerance_band": "tests/design/test_tolerances.py::test_",
     f"{BENCHMARK_TEST}[contacts": f"{BENCHMARK_TEST}[sweeping",
     f"{BENCHMARK_TEST}[balancer]": f"{BENCHMARK_TEST}[sweeping",
     f"{BENCHMARK_TEST}[files_passed": f"{BENCHMARK_TEST}[sweeping",
