@@ -1225,6 +1225,43 @@ def compare_command(
     run_compare(file, x, y, references or ["sine", "fit"], output, json)
 
 
+@app.command("equilibria")
+def equilibria_command(
+    model: Annotated[
+        Path,
+        typer.Argument(help="Sidecar with rods, its model, or an assembly file.", metavar="MODEL"),
+    ],
+    inflections: Annotated[int, typer.Option(min=1, max=9, help="Most inflections of a rod.")] = 2,
+    alpha: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0,
+            max=20.0,
+            help="Largest load on a rod's tip, as alpha of R = alpha² EI/L².",
+            show_default="20 for straight rods on pins, else 10",
+        ),
+    ] = None,
+    turns: Annotated[
+        float, typer.Option(min=0.0, max=4.0, help="Most turns of rods with two clamps.")
+    ] = 1.0,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Folder for CSV, JSON and a figure.", show_default="none"
+        ),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
+    force: ForceOption = False,
+) -> None:
+    """Find all equilibria of rods that meet in a pin or on a platform, and which are stable.
+
+    Exit code 0: found; 1: there is none within the limits; 2: bad input.
+    """
+    from proofmass.commands.equilibria import run_equilibria
+
+    run_equilibria(model, inflections, alpha, turns, output, json)
+
+
 @app.command("versions")
 def versions_command(
     paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],

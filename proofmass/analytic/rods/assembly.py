@@ -1,6 +1,12 @@
-"""Several clamped rods whose tips are pinned to one rigid platform: 2RFR, 3RFR, 3PFR."""
+"""Clamped rods whose tips are pinned or clamped to one rigid platform: 2RFR, 3RFR, 3PFR.
 
-from dataclasses import dataclass
+A *plain* assembly has straight rods without loads of their own, pinned to a platform that is free;
+the references of mechanisms, `equilibrium`, `continuation` and `all_equilibria`, take plain
+assemblies only, and `assembly_search` takes all.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +17,7 @@ from proofmass.base.arrays import Array, Complex
 
 @dataclass(frozen=True)
 class Assembly:
-    """k rods and a platform; without arms it is a pin, which has no orientation and no moment.
+    """k rods and a platform; without arms and clamped tips it is a pin, which bears no moment.
 
     Attributes
     ----------
@@ -27,6 +33,18 @@ class Assembly:
         Rigid straight end d_i of each rod [m], pinned at its far end.
     guide : ndarray (k,) or None
         Unit vectors of the guides along which the clamps slide; None: motors turn the clamps.
+    clamped : ndarray of bool (k,)
+        Whether each tip is clamped to the platform instead of pinned.
+    tip_angle : ndarray (k,)
+        Tangent of a clamped tip in the platform's frame [rad].
+    curvature : ndarray (k,)
+        Natural curvature u0 of each rod [1/m].
+    couple : ndarray (k,)
+        Dead moment l on each rod, per length [N].
+    weight : ndarray of complex (k,)
+        Dead load w on each rod, per length, x + iy [N/m].
+    held : ndarray (3,)
+        x, y [m] and phi [rad] of the platform, NaN where they are free.
     """
 
     clamp: Complex
@@ -36,6 +54,12 @@ class Assembly:
     arm: Complex
     rigid_extension: Array
     guide: Complex | None
+    clamped: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, bool))
+    tip_angle: Array = field(default_factory=lambda: np.zeros(1))
+    curvature: Array = field(default_factory=lambda: np.zeros(1))
+    couple: Array = field(default_factory=lambda: np.zeros(1))
+    weight: Complex = field(default_factory=lambda: np.zeros(1, complex))
+    held: Array = field(default_factory=lambda: np.full(3, np.nan))
 
     @property
     def rods(self) -> int:
@@ -45,7 +69,18 @@ class Assembly:
     @cached_property
     def dof(self) -> int:
         """Number p of coordinates of the pose: x, y of a pin; x, y, phi of a platform."""
-        return 3 if self.arm.any() else 2
+        return 3 if self.arm.any() or self.clamped.any() else 2
+
+    @cached_property
+    def free(self) -> NDArray[np.intp]:
+        """Those of the coordinates x, y, phi = 0, 1, 2 of the pose that are not held."""
+        return np.flatnonzero(np.isnan(self.held[: self.dof]))
+
+    @cached_property
+    def is_plain(self) -> bool:
+        """Whether straight rods without loads of their own are pinned to a free platform."""
+        own = (self.clamped, self.curvature, self.couple, self.weight)
+        return self.rods > 1 and not any(part.any() for part in own) and self.free.size == self.dof
 
     @property
     def scale(self) -> tuple[float, float, float]:
@@ -63,8 +98,14 @@ def assembly(
     angle: ArrayLike = 0.0,
     guide: ArrayLike | None = None,
     rigid_extension: ArrayLike = 0.0,
+    clamped: ArrayLike = False,
+    tip_angle: ArrayLike = 0.0,
+    curvature: ArrayLike = 0.0,
+    couple: ArrayLike = 0.0,
+    weight: ArrayLike = (0.0, 0.0),
+    held: Sequence[float | None] = (None, None, None),
 ) -> Assembly:
-    r"""Clamped rods with their tips pinned to one rigid platform.
+    r"""Clamped rods with their tips pinned or clamped to one rigid platform.
 
     ::
 
@@ -79,12 +120,18 @@ def assembly(
 
     Parameters
     ----------
-    clamp : O_i [m], (k, 2), two rods or more
+    clamp : O_i [m], (k, 2)
     length, stiffness : L_i [m], EI_i [N m^2], (k,) or one for all
     arm : r_i in the platform's frame [m], (k, 2)
     angle : of the clamps when the inputs are zero [rad], (k,)
     guide : alpha_i [rad], (k,), makes the inputs slide the clamps; None makes them turn
     rigid_extension : rigid end of each rod [m], (k,)
+    clamped : of bool, whether tips are clamped to the platform instead of pinned [1], (k,)
+    tip_angle : tangent of a clamped tip in the platform's frame [rad], (k,)
+    curvature : natural curvature u0 [1/m], (k,), positive where a rod without load bends left
+    couple : dead moment per length l [N], (k,)
+    weight : dead load per length w [N/m], (k, 2)
+    held : x, y [m], phi [rad] of the platform, None where it is free
 
     Raises
     ------
@@ -108,24 +155,31 @@ def assembly(
     """
     points = complex_points("clamp", clamp)
     count = points.size
-    if count < 2:
-        raise ValueError(f"clamp must hold two points or more, (k, 2), got {count}")
     lengths = number_per_rod("length", length, count, above=0.0)
     stiff = number_per_rod("stiffness", stiffness, count, above=0.0)
     rigid = number_per_rod("rigid_extension", rigid_extension, count, least=0.0)
-    arms = complex_points("arm", arm)
-    if arms.size not in (1, count):
-        raise wrong_shape("arm", arm, count)
+    arms, weights = (points_per_rod(*one, count) for one in (("arm", arm), ("weight", weight)))
     guides = None if guide is None else np.exp(1j * number_per_rod("guide", guide, count))
     a = Assembly(
         points,
         number_per_rod("angle", angle, count),
         lengths,
         stiff,
-        np.broadcast_to(arms, (count,)),
+        arms,
         rigid,
         guides,
+        number_per_rod("clamped", clamped, count).astype(bool),
+        number_per_rod("tip_angle", tip_angle, count),
+        number_per_rod("curvature", curvature, count),
+        number_per_rod("couple", couple, count),
+        weights,
+        np.array([np.nan if value is None else value for value in held], float),
     )
+    if not a.is_plain and rigid.any():
+        raise ValueError(
+            "rigid_extension is for straight rods that are pinned to a free platform; clamp a tip "
+            "at a point of the platform instead"
+        )
     if guides is None:
         check_clamp_distances(a)
     return a
@@ -137,6 +191,14 @@ def complex_points(name: str, points: ArrayLike) -> Complex:
     if given.ndim != 2 or given.shape[1] != 2 or not np.isfinite(given).all():
         raise ValueError(f"{name} must be finite points [m], (k, 2), got {points!r}")
     return given @ np.array([1.0, 1.0j])
+
+
+def points_per_rod(name: str, points: ArrayLike, count: int) -> Complex:
+    """One point for all rods or one for each (count,), as x + iy."""
+    given = complex_points(name, points)
+    if given.size not in (1, count):
+        raise wrong_shape(name, points, count)
+    return np.broadcast_to(given, (count,))
 
 
 def number_per_rod(

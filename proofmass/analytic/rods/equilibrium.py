@@ -311,6 +311,11 @@ def state(
     moment : m0 of each rod, (..., k) [N m]
     force : n of each rod, (..., k, 2) [N]
     """
+    if not a.is_plain:
+        raise ValueError(
+            "two or more straight rods without loads of their own, pinned to a free platform, are "
+            "wanted here; proofmass.analytic.rods.assembly_search takes all others"
+        )
     k, p = a.rods, a.dof
     given = {"inputs": (inputs, k), "pose": (pose, p), "load": (load, p), "moment": (moment, k)}
     parts = {name: _finite_rows(name, value, width) for name, (value, width) in given.items()}

@@ -333,7 +333,6 @@ def test_mirrored_platforms_are_recognized():
 @pytest.mark.parametrize(
     ("wrong", "word"),
     [
-        ({"clamp": [[0.0, 0.0]]}, "clamp must hold two points or more"),
         ({"clamp": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]}, "clamp must be finite points"),
         (
             {"clamp": [[0.0, 0.0], [3.0, 0.0]]},

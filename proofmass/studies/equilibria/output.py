@@ -1,0 +1,190 @@
+"""Equilibria of an assembly as rows, in a table of the terminal, CSV, JSON and a figure."""
+
+import csv
+from io import BytesIO, StringIO
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from proofmass.analytic.rods.assembly_search import RodEquilibria
+from proofmass.base.wording import format_count, number
+from proofmass.studies.equilibria.rod_input import RodInput
+
+MAX_PANELS_DRAWN = 60
+"""Equilibria that are drawn; of more, those of the lowest potential."""
+COLUMNS_DRAWN = 6
+"""Panels in a row of the figure."""
+DRAWN_NODES = 121
+"""Points of a drawn rod."""
+STABLE_COLOUR, UNSTABLE_COLOUR, PLATFORM_COLOUR = "#0072B2", "#9A9A9A", "#D55E00"
+
+
+def equilibrium_rows(own: RodInput, found: RodEquilibria) -> list[dict[str, Any]]:
+    """One row of numbers in SI units for each equilibrium, the lowest potential first."""
+    a, state = found.problem.assembly, found.state
+    rows = []
+    for n in range(len(found)):
+        row: dict[str, Any] = {
+            "number": n + 1,
+            "stable": bool(found.index[n] == 0),
+            "index": int(found.index[n]),
+            "potential": float(found.potential[n]),
+            "energy": float(found.energy[n]),
+            "x": float(state.pose[n, 0]),
+            "y": float(state.pose[n, 1]),
+            "phi": float(state.pose[n, 2]) if a.dof == 3 else None,
+        }
+        for i, name in enumerate(own.names):
+            row |= {
+                f"{name}.inflections": int(found.inflections[n, i]),
+                f"{name}.alpha": float(found.alpha[n, i]),
+                f"{name}.force_x": float(state.own[n, i, 0]),
+                f"{name}.force_y": float(state.own[n, i, 1]),
+                f"{name}.tip_moment": float(state.own[n, i, 2]) if a.clamped[i] else 0.0,
+                f"{name}.clamp_moment": float(found.clamp_moment[n, i]),
+            }
+        rows.append(row | {"residual": float(found.residual[n])})
+    return rows
+
+
+def equilibrium_table(
+    own: RodInput, found: RodEquilibria, stays: dict[str, list[str]] | None = None
+) -> Table:
+    """The table of the terminal; `stays` has a column of words for each engine."""
+    a, state = found.problem.assembly, found.state
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    heads = ["no.", "stability", "V [J]", "bending [J]", "x [m]", "y [m]"]
+    heads += ["phi [deg]"] if a.dof == 3 else []
+    heads += ["inflections", "largest alpha", "clamp moments [N m]", *(stays or {})]
+    for head in heads:
+        table.add_column(head, justify="left" if head in ("stability", *(stays or {})) else "right")
+    for n in range(len(found)):
+        cells = [str(n + 1), format_stability(int(found.index[n]))]
+        cells += [number(found.potential[n], 4), number(found.energy[n], 4)]
+        cells += [f"{value:.4f}" for value in state.pose[n, :2]]
+        cells += [f"{np.degrees(state.pose[n, 2]):.2f}"] if a.dof == 3 else []
+        cells.append(", ".join(map(str, found.inflections[n])))
+        cells.append(f"{found.alpha[n].max():.2f}")
+        cells.append(", ".join(number(value, 3) for value in found.clamp_moment[n]))
+        cells += [words[n] for words in (stays or {}).values()]
+        table.add_row(*cells, style="bold" if found.index[n] == 0 else None)
+    return table
+
+
+def format_stability(index: int) -> str:
+    """Whether an equilibrium is stable, by the number of its unstable directions.
+
+    >>> format_stability(0), format_stability(2)
+    ('stable', 'index 2')
+    """
+    return f"index {index}" if index else "stable"
+
+
+def summary_lines(own: RodInput, found: RodEquilibria) -> list[str]:
+    """The number of equilibria, and how complete they are, as sentences."""
+    limits, stable = found.limits, int((found.index == 0).sum())
+    words = "equilibria" if len(found) != 1 else "equilibrium"
+    lines = [
+        f"{own.title}: {len(found)} {words}, {stable} stable, with up to "
+        f"{format_count(limits.inflections, 'inflection')} of a rod and loads up to "
+        f"R = {limits.alpha:.4g}² EI/L²"
+    ]
+    if found.problem.assembly.clamped.any():
+        lines[0] += f"; rods with two clamps turn by up to {limits.turns:g} turn(s)"
+    lines.append(completeness(found))
+    return lines
+
+
+def completeness(found: RodEquilibria) -> str:
+    """Which part of the completeness is proven, and which is tested, as a sentence."""
+    if not found.problem.assembly.is_plain:
+        return (
+            "Completeness is tested, not proven: random starts of an independent method find the "
+            "same equilibria of such assemblies (docs/rod_assemblies.md); no bound of their loads "
+            "is proven."
+        )
+    if found.is_bounded:
+        return (
+            f"It is proven that no rod of another equilibrium with as few inflections carries more "
+            f"than R = {found.bound:.4g}² EI/L², and all up to there were searched for; that none "
+            "below is missed is tested, not proven."
+        )
+    return (
+        "Equilibria with larger loads may exist; that none below is missed is tested, not proven."
+    )
+
+
+def equilibria_csv(rows: list[dict[str, Any]]) -> str:
+    """Rows as CSV; numbers with all digits, in SI units."""
+    text = StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def draw_equilibria(own: RodInput, found: RodEquilibria, ending: str) -> bytes:
+    """A figure with a panel for each equilibrium, stable ones bold, all at the same scale."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    from proofmass.report.style import RC
+
+    shown = min(len(found), MAX_PANELS_DRAWN)
+    columns = min(COLUMNS_DRAWN, max(shown, 1))
+    lines = rod_lines(found)
+    everything = np.concatenate([line[:, :shown].ravel() for line in lines])
+    low = np.array([everything.real.min(), everything.imag.min()])
+    size = np.array([np.ptp(everything.real), np.ptp(everything.imag)])
+    margin = 0.05 * size.max()
+    with rc_context(RC):
+        rows = -(-shown // columns)
+        ratio = (size[1] + 2 * margin) / (size[0] + 2 * margin)
+        figure = Figure((8.0, rows * (8.0 / columns * ratio + 0.35) + 0.4), layout="constrained")
+        panels = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+        for n, axes in enumerate(panels):
+            axes.set_axis_off()
+            if n >= shown:
+                continue
+            stable = found.index[n] == 0
+            for line in lines:
+                axes.plot(
+                    line[:, n].real,
+                    line[:, n].imag,
+                    color=STABLE_COLOUR if stable else UNSTABLE_COLOUR,
+                    lw=2.0 if stable else 1.0,
+                )
+            tips = np.array([line[0, n] for line in lines])
+            closed = np.append(tips, tips[0])
+            axes.plot(closed.real, closed.imag, color=PLATFORM_COLOUR, lw=1.5, marker="o", ms=2.5)
+            clamps = found.problem.clamp
+            axes.plot(clamps.real, clamps.imag, "ks", ms=3)
+            axes.set(
+                xlim=(low[0] - margin, low[0] + size[0] + margin),
+                ylim=(low[1] - margin, low[1] + size[1] + margin),
+                aspect="equal",
+            )
+            axes.set_title(
+                f"{n + 1}: {format_stability(int(found.index[n]))}, {number(found.potential[n])} J",
+                fontsize=7,
+                fontweight="bold" if stable else "normal",
+            )
+        more = "" if shown == len(found) else f", the lowest {shown} of them drawn"
+        figure.suptitle(
+            f"{own.title}: {len(found)} equilibria, {int((found.index == 0).sum())} stable{more}",
+            fontsize=9,
+        )
+        image = BytesIO()
+        figure.savefig(image, format=ending, dpi=150)
+    return image.getvalue()
+
+
+def rod_lines(found: RodEquilibria) -> list[Any]:
+    """Points (nodes, n) of each rod from its tip to its clamp, x + iy [m]."""
+    a = found.problem.assembly
+    lines = []
+    for i, path in enumerate(found.paths(DRAWN_NODES)):
+        base = found.problem.clamp[i] - a.length[i] * path.position[-1]
+        lines.append(base + a.length[i] * path.position)
+    return lines
