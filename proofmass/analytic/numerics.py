@@ -238,8 +238,11 @@ def components_in_frame(
     name: str, force: Complex, direction: Complex | complex
 ) -> dict[str, Array]:
     """Components of a force [N]: ``name_x`` along a direction, ``name_y`` to the left of it."""
-    own = np.asarray(force * np.conj(direction) / np.abs(direction))
-    return {f"{name}_x": own.real, f"{name}_y": own.imag}
+    length = np.abs(direction)
+    return {
+        f"{name}_x": dot(direction, force) / length,
+        f"{name}_y": cross(direction, force) / length,
+    }
 
 
 IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
@@ -260,7 +263,7 @@ def unwrap_angles(angle: Array) -> Array:
     array([3.   , 3.283])
     """
     turns = np.rint(np.diff(angle, axis=-1, prepend=angle[..., :1]) / TURN)
-    return np.asarray(angle - TURN * np.cumsum(turns, axis=-1))
+    return np.asarray(angle - TURN * np.cumsum(turns, axis=-1) if turns.any() else angle)
 
 
 def unwrap_quaternions(quaternion: Array) -> Array:

@@ -5,6 +5,7 @@ and range of the transmission angle.
 """
 
 from collections.abc import Callable, Collection
+from functools import reduce
 from math import fsum
 
 import numpy as np
@@ -207,7 +208,9 @@ def solve(
         loads: dict[str, Array] = {}
         if is_requested(only, *LOAD_ENDINGS):
             bars = _complex(px, py), _complex(ax, ay), _complex(bx, by)
-            at_p = at_q = lift = np.full_like(bars[0], 1j * gravity)
+            lift = 1j * gravity
+            at_p: Complex | complex = lift
+            at_q: Complex | complex = lift
             if inertia:
                 at_p = lift + _complex(-(w**2), dw) * bars[0]
                 at_q = lift + _complex(-(b_motion[0] ** 2), b_motion[1]) * bars[2]
@@ -240,7 +243,9 @@ def solve(
 
 def _complex(x: Array, y: Array) -> Complex:
     """Vectors x + iy as complex numbers."""
-    return np.asarray(x + 1j * y, complex)
+    vector = np.empty(np.broadcast(x, y).shape, complex)
+    vector.real, vector.imag = x, y
+    return vector
 
 
 def _pin_forces(
@@ -381,13 +386,11 @@ def _end_motion(
 
     An arm is (x, y, rate, acceleration): its vector and the derivatives of its angle.
     """
-    x, y, vx, vy, ax, ay = (
-        sum(terms)
-        for terms in zip(
-            *((x, y, -w * y, w * x, -dw * y - w**2 * x, dw * x - w**2 * y) for x, y, w, dw in arms),
-            strict=True,
-        )
-    )
+    motions = []
+    for x, y, w, dw in arms:
+        vx, vy = -w * y, w * x
+        motions.append((x, y, vx, vy, -dw * y - w * vy, dw * x + w * vx))
+    x, y, vx, vy, ax, ay = (reduce(np.add, terms) for terms in zip(*motions, strict=True))
     return {
         f"{name}_x": start[0] + x,
         f"{name}_y": start[1] + y,
