@@ -117,17 +117,14 @@ def test_a_small_couple_bends_a_cantilever_as_beam_theory_says():
     assert found.clamp_moment[0, 0] == pytest.approx(couple, rel=1e-9)
 
 
-def test_a_couple_is_a_linear_natural_curvature():
-    one = np.array([1.0])
-    with_couple = march_from_tip(
-        NaturalRods(0.0 * one, 2.0 * one, np.zeros(1, complex)), 3j * one, one, one
-    )
-    assert (
-        with_couple.angle[0, 0]
-        != march_from_tip(
-            NaturalRods(one, 0.0 * one, np.zeros(1, complex)), 3j * one, one, one
-        ).angle[0, 0]
-    )
+def test_a_couple_alone_bends_a_rod_by_its_sum_of_moments():
+    """The bending moment grows from 0 at the tip to q L, so that the rod turns by q L^2/(2 EI)."""
+    none, couple = np.zeros(1), np.array([0.6])
+    rods = NaturalRods(none, couple, np.zeros(1, complex))
+    found = march_from_tip(rods, np.zeros(1, complex), none, none)
+    assert found.angle[0, 0] == pytest.approx(-0.3, abs=1e-12)
+    other = march_from_tip(NaturalRods(couple, none, np.zeros(1, complex)), 0j * none, none, none)
+    assert other.angle[0, 0] == pytest.approx(-0.6, abs=1e-12)  # the same as natural curvature
 
 
 @pytest.mark.slow
