@@ -101,7 +101,7 @@ def catalogue_options(catalogue: Mapping[str, float]) -> list[SpringOption]:
     [0.0, 1.0, 2.5, 2.0, 3.5, 5.0]
     """
     chosen = [(), *((name,) for name in catalogue), *combinations_with_replacement(catalogue, 2)]
-    sums = [sum(catalogue[name] for name in names) for names in chosen]
+    sums = [sum((catalogue[name] for name in names), 0.0) for names in chosen]
     return [SpringOption(names, k, k) for names, k in zip(chosen, sums, strict=True)]
 
 
