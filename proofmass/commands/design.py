@@ -25,8 +25,8 @@ from proofmass.base.errors import InputError
 from proofmass.base.files import make_folder, protect, write_output
 from proofmass.base.recorded import RecordedColumn, read_table
 from proofmass.base.units import si_unit
-from proofmass.batch.check import check
 from proofmass.commands.command import error_console, exit_on_error
+from proofmass.commands.design_common import check_cases, parse_bounds
 from proofmass.commands.survey import survey_balancers
 from proofmass.commands.tolerances import ask_tolerances
 from proofmass.design.search import Effort, SavedSearch, SearchProgress
@@ -84,6 +84,10 @@ class AllKinds:
                 )
 
 
+BOUND_EXAMPLE = ", such as length1=0.2:0.4"
+"""How a message on a wrong --bound ends."""
+
+
 def design_balancer(
     every: AllKinds | None,
     target: str,
@@ -127,7 +131,7 @@ def design_balancer(
                 segments if "segments" in every.given else None,
                 springs if "springs" in every.given else None,
                 grows,
-                parse_bounds(bound or []),
+                parse_bounds(bound or [], BOUND_EXAMPLE),
                 seed,
                 effort,
                 every.within,
@@ -148,7 +152,7 @@ def design_balancer(
             relaxed,
             -1 if elbow_down else 1,
             grows,
-            parse_bounds(bound or []),
+            parse_bounds(bound or [], BOUND_EXAMPLE),
         )
         task = Synthesis(variant, wanted, power=power)
         protect(filter(None, (table, catalogue, strips, *(beside or []))))
@@ -290,26 +294,9 @@ def parse_extension(text: str) -> tuple[float, float]:
     return first, second
 
 
-def parse_bounds(bounds: list[str]) -> dict[str, tuple[float, float]]:
-    """Bounds by parameter, from texts written as NAME=LOW:HIGH."""
-    given = {}
-    for text in bounds:
-        name, _, pair = text.partition("=")
-        low, _, high = pair.partition(":")
-        try:
-            given[name] = float(low), float(high)
-        except ValueError:
-            raise ValueError(
-                f"--bound {text}: write it as NAME=LOW:HIGH, such as length1=0.2:0.4"
-            ) from None
-    return given
-
-
 def scale_effort(effort: float, seed: int) -> Effort:
     """The usual effort of a search with `effort` times as many descents, 4 in a heat at least."""
-    return Effort(
-        tuple((max(4, round(count * effort)), steps) for count, steps in Effort().heats), seed
-    )
+    return Effort().scaled(effort, seed, least=4)
 
 
 def search_designs(task: Synthesis, effort: Effort, file: Path) -> Array:
@@ -396,8 +383,6 @@ def write_pareto_front(task: Synthesis, found: Array, folder: Path) -> None:
 
 def check_design(record: dict[str, Any], others: dict[str, dict[str, Any]], folder: Path) -> int:
     """Write the case, check it in the engines, write a report, and return the exit code."""
-    from proofmass.report import headline, write_report  # matplotlib is slow to load
-
     sidecar = write_case(
         folder,
         f"balancer_{record['target']}",
@@ -408,10 +393,4 @@ def check_design(record: dict[str, Any], others: dict[str, dict[str, Any]], fold
         target=record["target"] if record["target"] in {*TARGETS, "weight"} else None,
         beside=others,
     )
-    result = check([sidecar])
-    for error in result.errors:
-        error_console.print(f"error: {error}", style="bold red", markup=False)
-    for case in result.cases:
-        print(headline(case, result.comparisons))
-    print(write_report(result, folder / "report"))
-    return result.exit_code
+    return check_cases([sidecar], folder)

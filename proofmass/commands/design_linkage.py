@@ -1,15 +1,14 @@
 """``proofmass design linkage``: linkages for a path, the best of them as a case that is checked."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import typer
 
 from proofmass.base.files import make_folder, protect, write_output
-from proofmass.batch.check import check
 from proofmass.commands.command import error_console, exit_on_error, progress_bar
+from proofmass.commands.design_common import check_cases, parse_bounds
 from proofmass.design.linkage_case import write_linkage_case
 from proofmass.design.linkage_designs import (
     ASSEMBLIES,
@@ -31,6 +30,8 @@ from proofmass.design.linkage_record import (
 from proofmass.design.path_points import read_points
 from proofmass.design.search import Effort
 
+BOUND_UNITS = " in m, or deg for an angle, such as crank=0.02:0.05 or ground_angle=0:0"
+"""How a message on a wrong --bound ends."""
 LEAST_DESCENTS = 16  # of a search with the least effort
 
 
@@ -53,7 +54,7 @@ def design_linkage(
             path,
             LINKAGE_KINDS if kind == "both" else (kind,),
             ASSEMBLIES[mode],
-            parse_linkage_bounds(bound or []),
+            parse_bounds(bound or [], BOUND_UNITS, bound_unit),
             np.radians(transmission),
         )
         protect([points])
@@ -69,29 +70,14 @@ def design_linkage(
         raise typer.Exit(max(code, int(bool(why))))
 
 
-def parse_linkage_bounds(bounds: list[str]) -> dict[str, tuple[float, float]]:
-    """Bounds by parameter [m, rad], from texts written as NAME=LOW:HIGH, angles in degrees."""
-    given = {}
-    for text in bounds:
-        name, _, pair = text.partition("=")
-        low, _, high = pair.partition(":")
-        factor = np.pi / 180 if name.endswith("angle") else 1.0
-        try:
-            given[name] = float(low) * factor, float(high) * factor
-        except ValueError:
-            raise ValueError(
-                f"--bound {text}: write it as NAME=LOW:HIGH in m, or deg for an angle, such as "
-                f"crank=0.02:0.05 or ground_angle=0:0"
-            ) from None
-    return given
+def bound_unit(name: str) -> float:
+    """The SI value of the unit in which bounds of a parameter are given: degrees of angles."""
+    return np.pi / 180 if name.endswith("angle") else 1.0
 
 
 def path_effort(effort: float, seed: int) -> Effort:
     """The usual effort of a search with `effort` times as many descents."""
-    heats = tuple(
-        (max(LEAST_DESCENTS, round(count * effort)), steps) for count, steps in PATH_EFFORT.heats
-    )
-    return replace(PATH_EFFORT, heats=heats, seed=seed)
+    return PATH_EFFORT.scaled(effort, seed, LEAST_DESCENTS)
 
 
 def search_with_progress(tasks: dict[str, PathTask], effort: Effort, folder: Path) -> FoundDesigns:
@@ -121,8 +107,6 @@ def write_designs(found: FoundDesigns, tasks: dict[str, PathTask], seed: int, fo
 
 def check_linkage(design: LinkageDesign, points: Path, seed: int, folder: Path) -> int:
     """Write the case, check it in the engines, write a report, and return the exit code."""
-    from proofmass.report import headline, write_report  # matplotlib is slow to load
-
     sidecar = write_linkage_case(
         folder,
         "linkage",
@@ -130,10 +114,4 @@ def check_linkage(design: LinkageDesign, points: Path, seed: int, folder: Path) 
         title=f"{kind_words(design).capitalize()} through the points of {points.name}",
         source=f"proofmass design linkage {points.name}, seed {seed}: error {design.rms:.6g} m rms",
     )
-    result = check([sidecar])
-    for error in result.errors:
-        error_console.print(f"error: {error}", style="bold red", markup=False)
-    for case in result.cases:
-        print(headline(case, result.comparisons))
-    print(write_report(result, folder / "report"))
-    return result.exit_code
+    return check_cases([sidecar], folder)

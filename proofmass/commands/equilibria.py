@@ -70,7 +70,7 @@ def run_equilibria(
     if as_json:
         print(json.dumps(rows, indent=1))
         return
-    make_console().print(equilibrium_table(own, found))
+    make_console().print(equilibrium_table(found))
     for line in summary_lines(own, found):
         print(line)
     if output is not None:

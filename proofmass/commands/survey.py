@@ -12,8 +12,8 @@ from rich.table import Table
 
 from proofmass.analytic.balancer.measures import TARGETS, Target
 from proofmass.analytic.balancer.synthesis import LENGTH_BOUNDS, SPRING_KINDS
-from proofmass.batch.check import check
 from proofmass.commands.command import error_console
+from proofmass.commands.design_common import check_cases
 from proofmass.commands.tolerances import ToleranceCheck
 from proofmass.design.kinds import all_kinds
 from proofmass.design.survey import KindResult, Survey, SurveySearch
@@ -195,8 +195,6 @@ def check_front(
     found: Survey, wanted: Target, others: dict[str, dict[str, Any]], folder: Path
 ) -> int:
     """Write the Pareto-optimal designs as cases, check them in the engines, and write a report."""
-    from proofmass.report import headline, write_report  # matplotlib is slow to load
-
     known = {*TARGETS, "weight"}
     sidecars = [
         write_case(
@@ -211,10 +209,4 @@ def check_front(
         )
         for kind in found.front
     ]
-    result = check(sidecars)
-    for error in result.errors:
-        error_console.print(f"error: {error}", style="bold red", markup=False)
-    for case in result.cases:
-        print(f"{case.name}: {headline(case, result.comparisons)}")
-    print(write_report(result, folder / "report"))
-    return result.exit_code
+    return check_cases(sidecars, folder, named=True)

@@ -66,9 +66,6 @@ class CurveKind(Protocol):
         The transmission angle then stays at least `transmission` [rad] from 0 and pi.
         """
 
-    def assemble(self, shapes: Array, angles: Array, fit: Complex) -> Array:
-        """Designs (B, k) from their shapes and the coefficients of `basis`."""
-
     def basis(self, shapes: Array, angles: Array) -> Complex:
         """Directions of the coupler (B, N) in the frame of ground or guide, for a crank of 1 m."""
 
@@ -163,15 +160,6 @@ class FourBarCurves:
         c, r, d = (part[:, None] for part in shapes.T)
         return close_four_bar(d - np.exp(1j * angles), c, r, self.mode)[0]
 
-    def assemble(self, shapes: Array, angles: Array, fit: Complex) -> Array:
-        """Designs whose points are fit0 + fit1 exp(i angle) + fit2 basis."""
-        place, crank, arm = fit.T
-        size, direction = np.abs(crank), np.angle(crank)
-        arm = arm * np.exp(-1j * direction)
-        return np.column_stack(
-            [place.real, place.imag, direction, size, shapes * size[:, None], arm.real, arm.imag]
-        )
-
 
 SHAPE_RANGE = (-1.2, 1.2)
 """Logarithms of the least and the largest coupler and rocker of random designs [1]."""
@@ -261,14 +249,18 @@ class SliderCrankCurves:
         c, e = (part[:, None] for part in shapes.T)
         return self._coupler(angles, 1.0, c, e)
 
-    def assemble(self, shapes: Array, angles: Array, fit: Complex) -> Array:
-        """Designs whose points are fit0 + fit1 exp(i angle) + fit2 basis."""
-        place, crank, arm = fit.T
-        size, direction = np.abs(crank), np.angle(crank)
-        arm = arm * np.exp(-1j * direction)
-        return np.column_stack(
-            [place.real, place.imag, direction, size, shapes * size[:, None], arm.real, arm.imag]
-        )
+
+def assemble_designs(shapes: Array, fit: Complex) -> Array:
+    """Designs (B, k) whose points are fit0 + fit1 exp(i angle) + fit2 basis.
+
+    `shapes` are of `CurveKind.random_shapes`, and the basis is that of `CurveKind.basis`.
+    """
+    place, crank, arm = fit.T
+    size, direction = np.abs(crank), np.angle(crank)
+    arm = arm * np.exp(-1j * direction)
+    return np.column_stack(
+        [place.real, place.imag, direction, size, shapes * size[:, None], arm.real, arm.imag]
+    )
 
 
 def margin_slopes(kind: CurveKind, designs: Array, transmission: float) -> Array:

@@ -14,8 +14,7 @@ ones are refined by `scipy.optimize.least_squares` with the steps between the cr
 unknowns, so that their order is a bound, and the penalties as sharp as rounding allows.
 """
 
-import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,19 +22,15 @@ from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import TURN
 from proofmass.base.arrays import Array, Complex
-from proofmass.design.coupler_curves import CurveKind, margin_slopes
+from proofmass.design.coupler_curves import CurveKind, assemble_designs, margin_slopes
 from proofmass.design.path_points import PathPoints
 from proofmass.design.search import (
     DAMPING_FACTORS,
-    DAMPING_RISE,
-    MAX_DAMPING,
-    MIN_DAMPING,
-    MIN_REDUCTION,
-    SAVE_INTERVAL,
     Effort,
     SavedSearch,
-    SearchProgress,
     SearchState,
+    Trials,
+    distinct_places,
 )
 
 LENGTH_SHARES = (0.05, 3.0)  # usual bounds of lengths over the size of the path [1]
@@ -266,29 +261,11 @@ class PathTask:
             turned = angles - rng.uniform(-np.pi, np.pi, (count, 1))
         basis = self.kind.basis(shapes, turned)
         fit = fit_points(np.exp(1j * turned), basis, self.path.points, self.path.size)
-        designs = self.kind.assemble(shapes, turned, fit)
+        designs = assemble_designs(shapes, fit)
         if self.path.angles_from == "x":
             designs[:, 2] = (angles - turned)[:, 0]
         vectors = np.concatenate([designs, (turned + designs[:, 2:3])[:, : self.angle_count]], 1)
         return np.clip(vectors, self.low, self.high)
-
-    def descend(self, places: Array, values: Array, damping: Array) -> tuple[Array, Array, Array]:
-        """One step of each descent that has not ended; see `proofmass.design.search`."""
-        active = np.flatnonzero(damping <= MAX_DAMPING)
-        places, values, damping = places.copy(), values.copy(), damping.copy()
-        if not active.size:
-            return places, values, damping
-        tried = self.trial_places(places[active], damping[active])
-        flat = self.low + tried.reshape(-1, self.low.size) * (self.high - self.low)
-        sizes = np.linalg.norm(self.residuals(flat), axis=-1).reshape(tried.shape[:2])
-        best, row = sizes.argmin(axis=-1), np.arange(active.size)
-        better = sizes[row, best] < values[active] * (1.0 - MIN_REDUCTION)
-        damping[active] = np.maximum(
-            damping[active] * np.where(better, DAMPING_FACTORS[best], DAMPING_RISE), MIN_DAMPING
-        )
-        places[active[better]] = tried[row, best][better]
-        values[active[better]] = sizes[row, best][better]
-        return places, values, damping
 
     def linearize(self, vectors: Array) -> tuple[Array, Array, Array, Array]:
         """Terms (B, 2 N + h), their slopes by the shared unknowns (B, .., s), and those of angles.
@@ -398,34 +375,14 @@ class PathSearch(SavedSearch):
         vectors = self.problem.starts(self.effort.heats[0][0], rng)
         return self.fresh(0, self.shares(vectors), self.terms(0))
 
-    def run(self, progress: SearchProgress = lambda *_: None) -> Array:
-        """Search to the end and return the best vector (d,); an interrupted search is saved."""
-        try:
-            while not self.done:
-                self.state = self.step()
-                progress(self.state.step, self.effort.steps, float(self.state.values.min()))
-                if time.monotonic() - self.saved > SAVE_INTERVAL:
-                    self.save()
-        finally:
-            self.save()
-        return np.asarray(self.found[0])
+    def choose(self, state: SearchState, most: int) -> Array:
+        """The best places that are `DISTINCT` from better ones."""
+        return state.places[distinct_places(state.places, state.values, most, DISTINCT)]
 
-    def step(self) -> SearchState:
-        """The next state; the first step of a heat begins with the best places of the last heat."""
-        now = self.state
-        if now.step in self.ends:
-            chosen = separate_places(now.places, now.values, self.effort.heats[self.heat][0])
-            now = self.fresh(now.step, now.places[chosen], self.terms(self.heat))
-        found = self.problem.descend(now.places, now.values, now.damping)
-        return SearchState(now.step + 1, *found)
+    def trials(self, heat: int) -> Trials:
+        """The places that a step tries, with the crank angles eliminated."""
+        return self.problem.trial_places
 
-
-def separate_places(places: Array, values: Array, most: int) -> Array:
-    """Indices of the best places (B, d), at most `most`, that are `DISTINCT` from better ones."""
-    chosen: list[int] = []
-    for k in np.argsort(values, kind="stable"):
-        if len(chosen) == most:
-            break
-        if not chosen or (np.abs(places[chosen] - places[k]).max(axis=-1) > DISTINCT).all():
-            chosen.append(int(k))
-    return np.array(chosen, int)
+    def finish(self) -> SearchState:
+        """The last state; `refine` goes on from it."""
+        return replace(self.state, evaluations=self.evaluations, finished=True)

@@ -43,10 +43,12 @@ def scatter_places(count: int, d: int, rng: np.random.Generator) -> Array:
     return np.where(face < FACE_SHARES[0], 0.0, np.where(face > 1.0 - FACE_SHARES[1], 1.0, places))
 
 
-def distinct_places(places: Array, values: Array, most: int) -> Array:
+def distinct_places(
+    places: Array, values: Array, most: int, distance: float = MIN_EDGE_DISTANCE
+) -> Array:
     """Indices of the best places with finite values, at most `most`, best first.
 
-    Any two of them differ by more than `MIN_EDGE_DISTANCE` in a coordinate.
+    Any two of them differ by more than `distance` [1] in a coordinate.
 
     >>> places = np.array([[0.0], [0.01], [0.5], [1.0]])
     >>> distinct_places(places, np.array([3.0, 1.0, 2.0, np.inf]), most=3).tolist()
@@ -54,8 +56,10 @@ def distinct_places(places: Array, values: Array, most: int) -> Array:
     """
     chosen: list[int] = []
     for k in np.argsort(values, kind="stable"):
+        if len(chosen) == most:
+            break
         gaps = np.abs(places[chosen] - places[k]).max(axis=-1)
-        if len(chosen) < most and np.isfinite(values[k]) and (gaps > MIN_EDGE_DISTANCE).all():
+        if np.isfinite(values[k]) and (gaps > distance).all():
             chosen.append(int(k))
     return np.array(chosen, int)
 
@@ -72,6 +76,8 @@ MIN_REDUCTION = 1e-7  # smallest relative reduction that counts as better
 CostTerms = Callable[[Array], Array]
 Linearization = Callable[[Array], tuple[Array, Array]]
 """From places (B, d) to terms (B, m) and their derivatives (B, d, m)."""
+Trials = Callable[[Array, Array], Array]
+"""From places (B, d) and their damping (B,) to the places (B, F, d) that a step tries."""
 SLOPES_COST = 2
 """Number of evaluations as which terms with implicit derivatives count: measured as 0.8 to 1.3 of
 the processor time of one evaluation, for 4 to 16 parameters."""
@@ -88,7 +94,7 @@ def step_descents(
     values: Array,
     damping: Array,
     terms: CostTerms,
-    linearization: Linearization | None = None,
+    trials: Trials | None = None,
 ) -> tuple[Array, Array, Array]:
     """One step of each descent that has not ended; the sums of squares never increase.
 
@@ -100,16 +106,17 @@ def step_descents(
         Damping of each descent [1]; above `MAX_DAMPING` the descent has ended.
     terms : callable
         Terms (B, m) of the sums of squares at places (B, d); NaN for infeasible designs.
-    linearization : callable, optional
-        Terms and their derivatives; by default by finite differences.
+    trials : callable, optional
+        The places that are tried with each factor of `DAMPING_FACTORS`; by default `trial_places`
+        with derivatives by finite differences.
     """
     active = np.flatnonzero((damping <= MAX_DAMPING) & np.isfinite(values))
     places, values = places.copy(), values.copy()
     damping = np.where(np.isfinite(values), damping, np.inf)
     if not active.size:
         return places, values, damping
-    linearization = linearization or partial(linearize, terms=terms)
-    tried = trial_places(places[active], damping[active], linearization)
+    trials = trials or partial(trial_places, linearization=partial(linearize, terms=terms))
+    tried = trials(places[active], damping[active])
     sizes = residual_norms(terms, tried.reshape(-1, places.shape[1])).reshape(tried.shape[:2])
     best, row = sizes.argmin(axis=-1), np.arange(active.size)
     better = sizes[row, best] < values[active] * (1.0 - MIN_REDUCTION)
@@ -252,6 +259,15 @@ class Effort:
         """Number of steps of all heats."""
         return sum(steps for _, steps in self.heats)
 
+    def scaled(self, factor: float, seed: int, least: int) -> "Effort":
+        """The same with `factor` times as many descents, `least` in a heat at least.
+
+        >>> Effort(((64, 8), (16, 30))).scaled(0.1, seed=2, least=4).heats
+        ((6, 8), (4, 30))
+        """
+        heats = tuple((max(least, round(count * factor)), steps) for count, steps in self.heats)
+        return replace(self, heats=heats, seed=seed)
+
 
 @dataclass(frozen=True)
 class SearchState:
@@ -363,9 +379,7 @@ class SavedSearch:
         now, terms = self.state, self.terms(self.heat)
         if now.step in self.ends:
             now = self.fresh(now.step, self.choose(now, self.effort.heats[self.heat][0]), terms)
-        stepped = step_descents(
-            now.places, now.values, now.damping, terms, self.linearization(self.heat)
-        )
+        stepped = step_descents(now.places, now.values, now.damping, terms, self.trials(self.heat))
         return SearchState(now.step + 1, *stepped, self.evaluations)
 
     def choose(self, state: SearchState, most: int) -> Array:
@@ -420,8 +434,8 @@ class SavedSearch:
 
         return terms
 
-    def linearization(self, heat: int) -> Linearization | None:
-        """The terms of a heat with their derivatives by places; None for differences."""
+    def trials(self, heat: int) -> Trials | None:
+        """The places that a step of a heat tries; None for those by finite differences."""
         if not self.effort.implicit:
             return None
         problem, width = cast(SlopedProblem, self.problem), self.problem.high - self.problem.low
@@ -433,7 +447,7 @@ class SavedSearch:
             slopes = np.where(np.isfinite(found)[:, None], slopes * width[:, None], 0.0)
             return np.nan_to_num(found), np.nan_to_num(slopes)
 
-        return linearization
+        return partial(trial_places, linearization=linearization)
 
     def shares(self, vectors: Array) -> Array:
         """Designs (B, d) as shares [1] of the distance between their bounds."""

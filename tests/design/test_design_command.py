@@ -11,6 +11,7 @@ from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import precision_points, rmse, work_reduction
 from proofmass.batch.check import Result
 from proofmass.commands import design as command
+from proofmass.commands import design_common
 from proofmass.commands.cli import design as app
 from proofmass.design import stock
 from proofmass.design.search import Effort, SavedSearch
@@ -107,7 +108,7 @@ def test_the_target_may_be_a_table(tmp_path):
 
 
 def test_another_balancer_is_compared_with_the_design(tmp_path, monkeypatch):
-    monkeypatch.setattr(command, "check", lambda files: Result([load_case(f) for f in files]))
+    monkeypatch.setattr(design_common, "check", lambda files: Result([load_case(f) for f in files]))
     monkeypatch.setattr(report, "write_report", lambda _, folder: folder / "index.html")
     file = shipped("balancer_sine_free.toml")
     answer = run_design("--free-angle", "--beside", file, "-o", tmp_path)

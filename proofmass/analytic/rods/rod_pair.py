@@ -23,6 +23,7 @@ from proofmass.analytic.protocol import (
     GuessedPosition,
     Length,
     Quantity,
+    Reference,
 )
 from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly
@@ -497,20 +498,10 @@ def solve(
     return known | {name: np.full(arc.shape, value) for name, value in ends.items()}
 
 
-class RodPair(ClosedForm, function=solve):
-    """Two clamped rods with their tips on one pin (2RFR), at rest under a dead load."""
-
-    charts = (
-        equilibria,
-        motor_angles,
-        workspace,
-    )
+class PairParameters(Reference):
+    """The sizes of two rods on one pin, and the first guess that chooses their equilibrium."""
 
     distance: Annotated[float, Quantity("m", Domain.NOT_NEGATIVE)]
-    theta1: Angle
-    theta2: Angle
-    force_x: Force
-    force_y: Force
     pin_x: GuessedPosition
     pin_y: GuessedPosition
     moment1: GuessedMoment
@@ -519,3 +510,18 @@ class RodPair(ClosedForm, function=solve):
     push_y: GuessedForce
     length: Length
     stiffness: BendingStiffness
+
+
+class RodPair(PairParameters, ClosedForm, function=solve):
+    """Two clamped rods with their tips on one pin (2RFR), at rest under a dead load."""
+
+    charts = (
+        equilibria,
+        motor_angles,
+        workspace,
+    )
+
+    theta1: Angle
+    theta2: Angle
+    force_x: Force
+    force_y: Force

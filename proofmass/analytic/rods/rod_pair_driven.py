@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,14 +10,7 @@ from scipy.interpolate import CubicSpline
 from proofmass.analytic.inverse import InverseProblem, PathMotion
 from proofmass.analytic.numerics import check_finite, check_number
 from proofmass.analytic.protocol import (
-    BendingStiffness,
     ClosedForm,
-    Domain,
-    GuessedForce,
-    GuessedMoment,
-    GuessedPosition,
-    Length,
-    Quantity,
     VaryingForce,
 )
 from proofmass.analytic.remember import reuse_nearby
@@ -32,7 +24,7 @@ from proofmass.analytic.rods.equilibrium import (
     solve_direct,
 )
 from proofmass.analytic.rods.led import LED_ACCURACY, lead_along, load_parts
-from proofmass.analytic.rods.rod_pair import make_pair
+from proofmass.analytic.rods.rod_pair import PairParameters, make_pair
 from proofmass.base.arrays import Array, Complex
 
 PairNumbers = tuple[float, ...]
@@ -435,7 +427,7 @@ def describe_equilibria(s: RodState, rate: Array, growth: Array) -> dict[str, Ar
     }
 
 
-class DrivenRodPair(ClosedForm, function=solve):
+class DrivenRodPair(PairParameters, ClosedForm, function=solve):
     """Two clamped rods with their tips on one pin (2RFR), moved by their motors."""
 
     takes_load_rates = True
@@ -445,14 +437,5 @@ class DrivenRodPair(ClosedForm, function=solve):
     )
     inverse = InverseProblem({"x": "pin_x", "y": "pin_y"}, follow_path, LED_ACCURACY)
 
-    distance: Annotated[float, Quantity("m", Domain.NOT_NEGATIVE)]
-    pin_x: GuessedPosition
-    pin_y: GuessedPosition
-    moment1: GuessedMoment
-    moment2: GuessedMoment
-    push_x: GuessedForce
-    push_y: GuessedForce
     force_x: VaryingForce
     force_y: VaryingForce
-    length: Length
-    stiffness: BendingStiffness

@@ -48,17 +48,15 @@ def equilibrium_rows(own: RodInput, found: RodEquilibria) -> list[dict[str, Any]
     return rows
 
 
-def equilibrium_table(
-    own: RodInput, found: RodEquilibria, stays: dict[str, list[str]] | None = None
-) -> Table:
-    """The table of the terminal; `stays` has a column of words for each engine."""
+def equilibrium_table(found: RodEquilibria) -> Table:
+    """The table of the terminal."""
     a, state = found.problem.assembly, found.state
     table = Table(box=None, header_style="bold", pad_edge=False)
     heads = ["no.", "stability", "V [J]", "bending [J]", "x [m]", "y [m]"]
     heads += ["phi [deg]"] if a.dof == 3 else []
-    heads += ["inflections", "largest alpha", "clamp moments [N m]", *(stays or {})]
+    heads += ["inflections", "largest alpha", "clamp moments [N m]"]
     for head in heads:
-        table.add_column(head, justify="left" if head in ("stability", *(stays or {})) else "right")
+        table.add_column(head, justify="left" if head == "stability" else "right")
     for n in range(len(found)):
         cells = [str(n + 1), format_stability(int(found.index[n]))]
         cells += [number(found.potential[n], 4), number(found.energy[n], 4)]
@@ -67,7 +65,6 @@ def equilibrium_table(
         cells.append(", ".join(map(str, found.inflections[n])))
         cells.append(f"{found.alpha[n].max():.2f}")
         cells.append(", ".join(number(value, 3) for value in found.clamp_moment[n]))
-        cells += [words[n] for words in (stays or {}).values()]
         table.add_row(*cells, style="bold" if found.index[n] == 0 else None)
     return table
 
