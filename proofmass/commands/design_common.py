@@ -18,7 +18,7 @@ def parse_bounds(
     `example` ends the message on a text that is written otherwise, and `unit` gives the SI value of
     a parameter's unit by its name.
 
-    >>> parse_bounds(["length1=0.2:0.4"], "such as length1=0.2:0.4")
+    >>> parse_bounds(["length1=0.2:0.4"], ", such as length1=0.2:0.4")
     {'length1': (0.2, 0.4)}
     """
     given = {}
