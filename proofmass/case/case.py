@@ -538,6 +538,8 @@ class Beside(Strict):
 MOST_SEGMENTS = 10**5
 """Largest number of segments of a rod: an engine's square matrix of that size takes 80 GB."""
 Segments = Annotated[WholeNumber, Field(le=MOST_SEGMENTS)]
+MOST_SHAPE_ANGLES = 1000
+"""Largest number of angles of a rod's shape: a spline through more takes longer than the run."""
 
 
 class RodTable(Strict):
@@ -546,15 +548,17 @@ class RodTable(Strict):
     The rod begins at the site `from`, its tangent along that site's x axis, and bends about the
     z axis.  The site `to` of another body, or ``OTHER.tip`` of a rod before it, supports its far
     end; without `to` the far end is free.  `turn` is the angle by which the tangent turns from end
-    to end in the start pose, an arc [rad]: it chooses one of several equilibria.  Sensors on the
-    sites ``NAME.middle`` and ``NAME.tip`` stay in place for any number of `segments`.  `mass` is
-    needed where gravity acts.  Without `axial`, EA [N], the rod does not stretch; without `shear`,
-    GA [N], its sections stay normal to its axis.  `load` is a dead load per length in the axes of
-    the world [N/m].
+    to end in the start pose, an arc [rad]: it chooses one of several equilibria.  `shape` does so
+    in its place, with the angles from the beginning to the ends of as many equal parts.  Sensors on
+    the sites ``NAME.middle`` and ``NAME.tip`` stay in place for any number of `segments`.  `mass`
+    is needed where gravity acts.  Without `axial`, EA [N], the rod does not stretch; without
+    `shear`, GA [N], its sections stay normal to its axis.  `load` is a dead load per length in the
+    axes of the world [N/m], and `couple` a dead moment per length about the z axis of the site
+    where it begins [N].  The third number of `curvature` is the curvature without loads [1/m].
 
     With `torsion`, GJ [N m2], the rod leaves the plane: it also bends about the y axes of its
-    sections, against `stiffness_y`, and twists.  `curvature` is then its twist and its curvatures
-    about y and z without loads [1/m].
+    sections, against `stiffness_y`, and twists.  The first two numbers of `curvature` are then its
+    twist and its curvature about y without loads [1/m].
     """
 
     start: str = Field(alias="from")
@@ -569,9 +573,11 @@ class RodTable(Strict):
     scheme: Literal["half", "double", "naive"] = "half"
     mass: StrictNumber | None = Field(None, gt=0)
     turn: StrictNumber = 0.0
+    shape: Annotated[tuple[StrictNumber, ...], Field(max_length=MOST_SHAPE_ANGLES)] = ()
     axial: StrictNumber | None = Field(None, gt=0)
     shear: StrictNumber | None = Field(None, gt=0)
     load: tuple[StrictNumber, StrictNumber, StrictNumber] = (0.0, 0.0, 0.0)
+    couple: StrictNumber = 0.0
     torsion: StrictNumber | None = Field(None, gt=0)
     stiffness_y: StrictNumber | None = Field(None, gt=0)
     curvature: tuple[StrictNumber, StrictNumber, StrictNumber] = (0.0, 0.0, 0.0)
@@ -601,7 +607,7 @@ class RodTable(Strict):
         if self.torsion is None:
             for key, said in (
                 ("stiffness_y", self.stiffness_y is not None),
-                ("curvature", any(self.curvature)),
+                ("curvature[0] or [1]", any(self.curvature[:2])),
             ):
                 if said:
                     raise ValueError(f"{key} is of a rod in space: give torsion = GJ [N m2] too")
@@ -610,6 +616,11 @@ class RodTable(Strict):
                 "torsion is of a rod in space, which is clamped here and free there, with the "
                 "scheme half"
             )
+        elif self.couple or self.shape:
+            key = "couple" if self.couple else "shape"
+            raise ValueError(f"{key} is of a rod in the plane, without torsion")
+        if self.turn and self.shape:
+            raise ValueError("turn and shape are both given; the shape includes the turn")
         return self
 
     def built(self, name: str) -> Rod:

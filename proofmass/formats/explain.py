@@ -43,6 +43,7 @@ PLURALS = {
     "mass": "masses",
     "mass of a rod": "masses of the rods",
     "load of a rod": "loads of the rods",
+    "couple along a rod": "couples along the rods",
     "stiffness of a rod": "stiffnesses of the rods",
     "axial stiffness of a rod": "axial stiffnesses of the rods",
     "shear stiffness of a rod": "shear stiffnesses of the rods",

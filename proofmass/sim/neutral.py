@@ -388,9 +388,9 @@ class ModelReader:
 
     def rod_loads(self) -> Iterator[NeutralLoad]:
         """The constant loads of rods."""
-        for body, force in dead_loads(self.model, self.rods):
+        for body, force, moment in dead_loads(self.model, self.data, self.rods):
             if link := int(self.link_of[body]):
-                at, moment = self.data.xipos[body].copy(), np.zeros(3)
+                at = self.data.xipos[body].copy()
                 yield NeutralLoad(link, at, force, moment, False, np.ones(1), body)
 
 

@@ -101,6 +101,7 @@ NUMBER_KINDS = {
     "natural curvature of a rod": "1/m",
     "mass of a rod": "kg",
     "load of a rod": "N/m",
+    "couple along a rod": "N",
     "place": "m",
     "anchor": "m",
     "site": "m",
@@ -448,7 +449,9 @@ def numbers_of_rods(source: Source) -> Iterator[Number]:
             if (value := getattr(rod, attribute)) is not None:
                 place = Place("rod", k, attribute, rod=rod.name)
                 yield make_number(kind, rod.name, float(value), place, 1.0)
-        for part, value in enumerate(rod.curvature if rod.spatial else ()):
+        for part, value in enumerate(rod.curvature):
+            if not rod.spatial and not value:
+                continue
             place = Place("rod", k, "curvature", part, rod.name)
             what = f"{rod.name} about {'xyz'[part]}"
             yield make_number("natural curvature of a rod", what, value, place, 1.0 / rod.length)
@@ -456,3 +459,6 @@ def numbers_of_rods(source: Source) -> Iterator[Number]:
             if value:
                 place = Place("rod", k, "load", part, rod.name)
                 yield make_number("load of a rod", f"{rod.name} {'xyz'[part]}", value, place, 1.0)
+        if rod.couple:
+            place = Place("rod", k, "couple", rod=rod.name)
+            yield make_number("couple along a rod", rod.name, rod.couple, place, 1.0)

@@ -16,6 +16,9 @@ the weight of the body between them, which acts on one of the slides only, cance
 
     o==xy==o==yx==o==xy==   springs carry the loads beyond the middle of a link: order 2
 
+A rod that is curved without loads has springs whose angles at rest are its curvature times h.  A
+couple along a rod acts on each link in proportion to its length.
+
 A rod in space has three hinges where a planar one has one: about x, along the link before, y and z,
 with springs GJ/h, EI_y/h and EI/h, whose angles at rest are the natural twist and curvatures times
 h.  Rotations about different axes do not commute.  Their order alternates from link to link, since
@@ -23,7 +26,8 @@ otherwise the chain would be of order 1::
 
     |-xyz--zyx--xyz--zyx-
 
-A rod starts in an arc whose bends are changed as little as possible for the loop to close.  A
+A rod starts in an arc, or in a given shape, whose bends are changed as little as possible for the
+loop to close.  A
 pinned far end is a ``connect``.  A clamped far end is two of them, the second one to a slider of
 the far body, so that no degree of freedom is constrained twice:
 
@@ -53,7 +57,9 @@ from functools import cached_property
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
+from proofmass.analytic.numerics import TURN
 from proofmass.base.arrays import Array
 from proofmass.sim.protocol.curves import split_channel
 from proofmass.sim.protocol.failures import BadModel, BadRod
@@ -110,7 +116,7 @@ class Chain:
             return ()
         name, rod = self.names[link], self.rod
         if rod.torsion is None:
-            return (Hinge(name, 2, float(self.springs[link]), 0.0),)
+            return (Hinge(name, 2, float(self.springs[link]), float(self.rests[link])),)
         cell = rod.length / rod.segments
         about = {
             f"{name}.twist": rod.torsion,
@@ -142,9 +148,20 @@ class Chain:
         """Whether each link begins with a joint, (links,)."""
         return np.isfinite(self.springs)
 
-    def arc(self, turn: float) -> Array:
-        """Joint values (links,) of a circular arc that turns by `turn` [rad] from end to end."""
-        return np.diff(turn * self.nodes / self.rod.length, prepend=0.0)
+    @cached_property
+    def rests(self) -> Array:
+        """Values (links,) of the joints of a planar rod without loads; zero where it is pinned."""
+        natural = np.diff(self.rod.curvature[2] * self.nodes, prepend=0.0)
+        return np.where(self.has_joint & (self.springs > 0), natural, 0.0)
+
+    @cached_property
+    def first_bends(self) -> Array:
+        """Joint values (links,) of the shape in which the rod starts, before its loop is closed."""
+        if not self.rod.shape:
+            return np.diff(self.rod.turn * self.nodes / self.rod.length, prepend=0.0)
+        angles = np.append(0.0, self.rod.shape)
+        knots = np.linspace(0.0, self.rod.length, angles.size)
+        return np.diff(CubicSpline(knots, angles)(self.nodes), prepend=0.0)
 
 
 def chain(rod: Rod) -> Chain:
@@ -232,12 +249,12 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
         The rod is shorter than the distance of its supports, or its arc cannot be bent to its
         support.
     """
-    rod, bends = chain.rod, chain.arc(chain.rod.turn)
+    rod, bends = chain.rod, chain.first_bends.copy()
     if target is None:
         return bends
     distance, reach = float(np.hypot(*target[:2])), float(chain.vertices[-1])
     straight = abs(reach - distance) <= distance * STRAIGHT_ROD_TOLERANCE and not (
-        rod.turn or chain.springs[0]
+        rod.turn or rod.shape or chain.springs[0]
     )
     if moving and straight and rod.ends[1] == "pinned":
         bends[0] = np.arctan2(target[1], target[0])
@@ -252,6 +269,8 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
     if not chain.springs[0]:
         bends[0] += np.arctan2(target[1], target[0]) - np.arctan2(*tip_pose(chain, bends)[0][1::-1])
     constrained = slice(3 if rod.ends[1] == "clamped" else 2)
+    turns = TURN * np.round((bends.sum() - target[2]) / TURN)
+    target = target + np.array([0.0, 0.0, turns])
     for _ in range(MAX_CHAIN_ITERATIONS):
         place, slopes = tip_pose(chain, bends)
         if np.abs(target - place)[constrained].max() < CLOSURE_TOLERANCE * max(1.0, rod.length):
@@ -262,9 +281,9 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
         bends += move * min(1.0, MAX_JOINT_STEP / (np.abs(move).max() or 1.0))
     raise BadRod(
         rod.name,
-        "turn",
-        f"an arc that turns by {rod.turn:g} rad cannot be bent so that "
-        f"it ends at its support; give another turn",
+        "shape" if rod.shape else "turn",
+        f"a rod that turns by {rod.shape[-1] if rod.shape else rod.turn:g} rad cannot be bent so "
+        f"that it ends at its support; give another {'shape' if rod.shape else 'turn'}",
     )
 
 
@@ -374,13 +393,22 @@ def add_capsule(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
     )
 
 
-def dead_loads(model: mujoco.MjModel, rods: Sequence[Rod]) -> Iterator[tuple[int, Array]]:
-    """Bodies of rods with a load per length, and the forces (3,) at their centres of mass [N]."""
+def dead_loads(
+    model: mujoco.MjModel, start: mujoco.MjData, rods: Sequence[Rod]
+) -> Iterator[tuple[int, Array, Array]]:
+    """Bodies of rods with loads per length, and the loads on them.
+
+    These are forces (3,) at the centres of mass [N] and moments (3,) [N m], in the axes of the
+    world; `start` has the start pose.
+    """
+    if any(rod.couple for rod in rods):
+        mujoco.mj_kinematics(model, start)
     for rod in rods:
-        if any(rod.load):
+        if any(rod.load) or rod.couple:
+            about = start.site(rod.start).xmat.reshape(3, 3)[:, 2]
             for body in map(model.body, chain(rod).bodies):
-                share = body.mass[0] / (rod.mass or DEFAULT_MASS)
-                yield body.id, share * rod.length * np.array(rod.load)
+                length = body.mass[0] / (rod.mass or DEFAULT_MASS) * rod.length
+                yield body.id, length * np.array(rod.load), length * rod.couple * about
 
 
 def connect(spec: mujoco.MjSpec, name: str, one: str, two: str) -> None:
@@ -480,7 +508,8 @@ def rod_curve(one: Chain, part: str, pose: RodPose, s: Array) -> Array:
         return interpolate(one.nodes, np.unwrap(angles), s)
     if part == "moment":
         sprung = one.has_joint & (one.springs > 0)
-        return interpolate(one.vertices[:-1][sprung], one.springs[sprung] * bends[sprung], s)
+        moments = one.springs[sprung] * (bends - one.rests)[sprung]
+        return interpolate(one.vertices[:-1][sprung], moments, s)
     return interpolate(one.vertices, places[:, "xyz".index(part)], s)
 
 
@@ -632,10 +661,9 @@ def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) 
 
 def natural_pose(one: Chain) -> dict[str, float]:
     """Joint values of a rod in space without loads, and with the arc of its `turn` about z."""
-    arc = one.arc(one.rod.turn)
     return {
         hinge.name: hinge.rest + (float(bend) if hinge.axis == 2 else 0.0)
-        for k, bend in enumerate(arc)
+        for k, bend in enumerate(one.first_bends)
         for hinge in one.hinges(k)
     }
 

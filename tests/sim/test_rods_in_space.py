@@ -184,7 +184,7 @@ def test_a_wrong_number_of_the_rod_differs(old, new, edit):
 @pytest.mark.parametrize(
     ("old", "new", "key", "words"),
     [
-        ("torsion = 8.333e5\naxial", "axial", "rod.rod", "curvature is of a rod in space"),
+        ("torsion = 8.333e5\naxial", "stiffness_y = 1.0\naxial", "rod.rod", "stiffness_y is of"),
         ("segments", 'scheme = "double"\nsegments', "rod.rod", "torsion is of a rod in space"),
         ("segments", 'to = "clamp"\nsegments', "rod.rod", "torsion is of a rod in space"),
         ("torsion = 8.333e5\naxial", "torsion = 0\naxial", "rod.rod.torsion", "greater than 0"),

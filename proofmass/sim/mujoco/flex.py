@@ -78,8 +78,10 @@ def cut_into_links(rod: Rod) -> Chain:
         raise Unsupported(f"rod {rod.name!r}: a flex has no axial and no shear stiffness of a rod")
     if rod.spatial:
         raise Unsupported(f"rod {rod.name!r}: a flex bends in a plane here, and has no torsion")
-    if any(rod.load):
-        raise Unsupported(f"rod {rod.name!r}: a flex has no load per length")
+    if any(rod.load) or rod.couple:
+        raise Unsupported(f"rod {rod.name!r}: a flex has no load and no couple per length")
+    if any(rod.curvature):
+        raise Unsupported(f"rod {rod.name!r}: a flex is straight without loads here")
     n, clamped = rod.segments, rod.ends[0] == "clamped"
     h = rod.length / (n + 0.5 if clamped else n)
     lengths, nodes = np.full(n, h), h * np.arange(0.5, n)

@@ -88,8 +88,8 @@ def prepare_model(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujo
             if model.actuator_biastype[actuator] != mujoco.mjtBias.mjBIAS_AFFINE:
                 model.actuator_biastype[actuator] = mujoco.mjtBias.mjBIAS_NONE
             model.actuator_gainprm[actuator] = model.actuator_biasprm[actuator] = 0.0
-    for body, force in dead_loads(model, run.rods) if run.rods else ():
-        data.xfrc_applied[body, :3] += force
+    for body, force, moment in dead_loads(model, data, run.rods) if run.rods else ():
+        data.xfrc_applied[body] += [*force, *moment]
     configure(model, run.settings)
     return model, data
 

@@ -84,18 +84,23 @@ class Rod:
     mass : float, optional
         Mass of the whole rod [kg]; without gravity it has no effect in statics.
     turn : float
-        Rotation of its tangent from end to end in the start pose [rad].
+        Rotation of its tangent from end to end in the start pose, an arc [rad].
+    shape : tuple of float
+        In place of `turn`: rotations of its tangent, from its beginning to the ends of as many
+        equal parts, in the start pose [rad].
     axial, shear : float, optional
         EA and GA [N]; None: the rod does not stretch, and its sections stay normal to it.
     load : tuple of three float
         Dead load per length in the axes of the world [N/m], such as wind.
+    couple : float
+        Dead moment per length about the z axis of its first site in the start pose [N].
     torsion : float, optional
         GJ [N m^2]; None: the rod does not leave the plane of its site's x and y axes.
     stiffness_y : float, optional
         In space, EI of bending about the y axes of its sections [N m^2]; None: as about z.
     curvature : tuple of three float
-        In space, natural twist, and natural curvatures about the y and z axes of its sections
-        [1/m].
+        Natural twist, and natural curvatures about the y and z axes of its sections [1/m]; the
+        first two are zero in the plane.
     """
 
     name: str
@@ -108,9 +113,11 @@ class Rod:
     scheme: str = "half"
     mass: float | None = None
     turn: float = 0.0
+    shape: tuple[float, ...] = ()
     axial: float | None = None
     shear: float | None = None
     load: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    couple: float = 0.0
     torsion: float | None = None
     stiffness_y: float | None = None
     curvature: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -93,6 +93,7 @@ class CaseReader:
                 clamped=clamped,
                 tip_angle=np.where(clamped, tips, 0.0),
                 curvature=[rod.curvature[2] for rod in self.rods.values()],
+                couple=[rod.couple for rod in self.rods.values()],
                 weight=[self.weight(rod) for rod in self.rods.values()],
                 held=held,
             )
