@@ -28,14 +28,19 @@ When a run differs from its reference, `proofmass check` looks for one change of
 explain the difference. For a four-bar whose rocker was made 1 % longer in the model it prints:
 
 ```
-  cause: fourbar.xml, line 33: rocker_end x is 2.525 m; with 2.5 m all 64 curves of 4 runs agree
-         fourbar.xml, line 33 would be: <site name="rocker_end" pos="2.5 0 0"/>
-         3e-14 of the error left
+✗ cause: fourbar.xml, line 33: rocker_end x is 2.525 m; with 2.5 m all 64 curves of 4 runs agree
+    33 - <site name="rocker_end" pos="2.525 0 0"/>
+    33 + <site name="rocker_end" pos="2.5 0 0"/>
+    with it the largest error is 0.41 of what is allowed, 2.4e-5 of what it was; known to ± 1e-12 m
 ```
 
-The sentence has the file and the line of the wrong value, that value, and the right one. The second
-line is to be copied. JSON, JUnit, SARIF, the report and the message of a failed pytest item have it
-from the same object, `proofmass.evidence.diagnosis.Fault`.
+The sentence has the file and the line of the wrong value, that value, and the right one. The line
+is shown as it is and as it should be, to be copied. *Known to* is the distance from which on
+another
+value would be noticed. JSON, JUnit, SARIF, the report and the message of a failed pytest item have
+it from the same object, `proofmass.evidence.diagnosis.Fault`. What is known about a run that failed
+comes with what mends it: "make the time step at most 1.26 ms" where the step is beyond the
+stability limit of the integrator, or the longest of its halves with which the run comes to its end.
 
 A *cause* explains all curves that differ. Where the best change explains fewer, the line begins
 with "most likely", the share of the curves, and those that it leaves. A cause that several runs

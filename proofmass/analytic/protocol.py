@@ -362,6 +362,8 @@ class Reference:
         ``[[view]]`` names in `marks`.
     own_error : OwnError, optional
         Its own error, and how that was found; None if it is not known.
+    method : str
+        How its curves are found, as a noun without an article, such as ``closed form``.
 
     Examples
     --------
@@ -391,6 +393,7 @@ class Reference:
     inverse: ClassVar[InverseProblem | None] = None
     marks: ClassVar[tuple[Callable[..., dict[str, float]], ...]] = ()
     own_error: ClassVar[OwnError | None] = None
+    method: ClassVar[str] = "reference"
 
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)
@@ -554,6 +557,7 @@ class ClosedForm(Reference):
         Returns properties of the mechanism in words.
     """
 
+    method = "closed form"
     selects: ClassVar[bool] = False
     takes_load_rates: ClassVar[bool] = False
     function: ClassVar[Callable[..., dict[str, Array]]]

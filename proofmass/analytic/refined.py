@@ -129,6 +129,7 @@ def properties(*, evidence: str, **_: float) -> dict[str, str]:
 class Refined(Reference):
     """The motion of any MJCF: the model's own equations, integrated with small errors."""
 
+    method = "model's own equations, solved without time steps"
     reads_model = True
     follows_controls = True
     in_space = True

@@ -100,6 +100,11 @@ class WrittenValue:
     literal: str = ""
     at: int = 0
 
+    @property
+    def line_text(self) -> str:
+        """The line without its indent; empty if the line has no value."""
+        return self.text.strip() if self.literal else ""
+
     def instead(self, value: str) -> str:
         """The line with another value, without its indent; empty if the line has no value.
 

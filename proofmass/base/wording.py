@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable
 
 MJCF_PARTS = re.compile(r'(<\w[^>]*/>|\w+="[^"]*")')
 """An element or an attribute of MJCF in a sentence."""
+PLOTTED_SHARE, PLOTTED_TIMES = 1e-3, 2.0
+"""Shares of a range from which on an error is given in per cent, and as a multiple."""
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -22,6 +24,19 @@ def number(value: float, digits: int = 3) -> str:
         return f"{mantissa}e{int(exponent)}"
     whole = len(str(int(abs(value))))
     return f"{value:.0f}" if whole >= digits and abs(value) >= 1 else f"{value:.{digits}g}"
+
+
+def format_range_share(share: float, whose: str = "its") -> str:
+    """Format an error as a share of the range of its curve, in per cent where a plot shows it.
+
+    >>> format_range_share(0.0237), format_range_share(3e-7), format_range_share(44.0, "the")
+    ('2.4 % of its range', '3e-7 of its range', '44 times the range')
+    """
+    if share >= PLOTTED_TIMES:
+        return f"{number(share, 2)} times {whose} range"
+    if share >= PLOTTED_SHARE:
+        return f"{number(100 * share, 2)} % of {whose} range"
+    return f"{number(share, 2)} of {whose} range"
 
 
 def format_fitted(value: float, error: float) -> str:

@@ -167,13 +167,16 @@ def print_result(
 
     `link` gives the address of a comparison in a report, which is printed with a failure.
     """
-    from proofmass.formats.terminal import failure_lines, make_console, summary_tables
+    from proofmass.formats.terminal import failure_lines, hang, make_console, summary_tables
 
     out = make_console()
     for table in summary_tables(result, every_channel, out.width):
         out.print(table)
     for line in failure_lines(result, link):
-        out.print(line, soft_wrap=not out.is_terminal)  # on a screen rich wraps lines at words
+        if out.is_terminal:
+            out.print(hang(line, out))
+        else:
+            out.print(line, soft_wrap=True)
 
 
 def export_result(file: Path, form: str, result: "Result") -> None:

@@ -11,6 +11,7 @@ from proofmass.base.files import OUTPUT_MARK
 from proofmass.base.wording import number
 from proofmass.batch.check import Result
 from proofmass.verdict.comparison import UNCHECKED_CASE, Comparison
+from proofmass.verdict.grade import grade_of
 from proofmass.verdict.outcome import UNCHECKED_OUTCOMES, Outcome
 
 INVALID_CHARACTERS = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -20,7 +21,8 @@ INVALID_CHARACTERS = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U00
 def as_junit(result: Result) -> bytes:
     """The XML file of a result.
 
-    A channel that is not checked is a skipped test, one that differs or failed is a failure, and an
+    A suite has the grade of its case as a property, see `proofmass.verdict.grade`.  A channel that
+    is not checked is a skipped test, one that differs or failed is a failure, and an
     input with an error is a suite of its own with an error.  A failure begins with the cause of its
     run, if one was found.  The time of a run is divided evenly among its channels, so that the sums
     are those of the runs.
@@ -32,7 +34,9 @@ def as_junit(result: Result) -> bytes:
     }
     for case, rows in groupby(result.comparisons, lambda c: c.case):
         suite = ElementTree.SubElement(root, "testsuite", name=replace_invalid(case))
-        for c in rows:
+        own = list(rows)
+        add_grade(suite, own)
+        for c in own:
             run = c.case, c.run, c.solver
             add_test(suite, c, shared[run], causes.get(run, ""))
         if case in [each.name for each in result.unchecked]:
@@ -55,6 +59,13 @@ def replace_invalid(text: str) -> str:
     'a?b'
     """
     return INVALID_CHARACTERS.sub("?", text)
+
+
+def add_grade(suite: ElementTree.Element, rows: list[Comparison]) -> None:
+    """Add the grade of a case, by its curves that agree, as a property of its suite."""
+    if grade := grade_of(rows):
+        properties = ElementTree.SubElement(suite, "properties")
+        ElementTree.SubElement(properties, "property", name="grade", value=grade.label)
 
 
 def add_test(suite: ElementTree.Element, c: Comparison, channels: int, cause: str = "") -> None:
@@ -113,7 +124,7 @@ def add_error(root: ElementTree.Element, error: InputError) -> None:
 
 def set_counts(suite: ElementTree.Element) -> None:
     """Write the numbers of tests, failures, errors and skipped tests into a suite."""
-    suite.set("tests", str(len(suite)))
+    suite.set("tests", str(len(suite.findall("testcase"))))
     for key, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
         suite.set(key, str(len(suite.findall(f"testcase/{tag}"))))
     suite.set("time", format_seconds(sum(float(test.get("time", "0")) for test in suite)))

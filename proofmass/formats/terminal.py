@@ -17,10 +17,12 @@ from rich.text import Text
 
 from proofmass.base.grouping import group_by
 from proofmass.base.json_values import replace_nonfinite
+from proofmass.base.wording import format_list, format_range_share, number
 from proofmass.batch.check import Result, family_of
 from proofmass.case.case import Case
 from proofmass.sim.engines import NATIVE_ENGINE
 from proofmass.verdict.comparison import UNCHECKED_CASE, Comparison
+from proofmass.verdict.grade import grade_of, worst_not_judged
 from proofmass.verdict.outcome import (
     CHECKED_OUTCOMES,
     NOT_RUN_OUTCOMES,
@@ -70,11 +72,16 @@ def as_json(result: Result) -> str:
 
     Numbers that are not finite are null.
     """
-    rows = [{key: asdict(c)[key] for key in COMPARISON_KEYS} for c in result.comparisons]
+    rows = [
+        {key: asdict(c)[key] for key in COMPARISON_KEYS} | {"grade": grade_label([c])}
+        for c in result.comparisons
+    ]
+    by_case = group_by(result.comparisons, lambda c: c.case)
     return json.dumps(
         replace_nonfinite(
             {
                 "comparisons": rows,
+                "grades": {case: grade_label(own) for case, own in by_case.items()},
                 "causes": [cause_data(cause) for cause in result.causes],
                 "diagnoses": [diagnosis_data(found) for found in result.diagnoses.values()],
                 "notes": list(note_lines(result)),
@@ -90,6 +97,12 @@ def as_json(result: Result) -> str:
         indent=1,
         allow_nan=False,
     )
+
+
+def grade_label(rows: Iterable[Comparison]) -> str | None:
+    """The name of the grade of some comparisons; None if no curve agrees."""
+    grade = grade_of(rows)
+    return grade.label if grade else None
 
 
 def screens_as_data(result: Result) -> dict[str, Any]:
@@ -147,6 +160,26 @@ def make_console(width: int = UNLIMITED_WIDTH) -> Console:
     plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
     shown = Console(**plain)
     return shown if shown.is_terminal else Console(**plain, width=width)
+
+
+def hang(line: Text, console: Console) -> Text:
+    """Break a line at the words of a screen, with its further lines indented below its first word.
+
+    >>> print(hang(Text("  cause: a long line on it"), Console(width=20)).plain)
+      cause: a long
+          line on it
+    """
+    plain = line.plain
+    begin = len(plain) - len(plain.lstrip())
+    indent = begin + HANGING_INDENT
+    if console.width < 2 * indent or cell_len(plain) <= console.width:
+        return line
+    parts = line[begin:].wrap(console, console.width - indent)
+    for part in parts:
+        part.rstrip()
+    first, *more = parts
+    hung = (Text.assemble(" " * indent, part) for part in more)
+    return Text("\n").join([Text.assemble(" " * begin, first), *hung])
 
 
 def three_digits(value: float) -> str:
@@ -209,6 +242,8 @@ COLUMN_GAP = 2
 NAMED_CASES = 3
 """Cases that a line names; of more, the line gives their number."""
 INDENT = 2
+HANGING_INDENT = 4
+"""Indent of the further lines of a line that a screen breaks [characters]."""
 Cells = dict[str, str | Text]
 
 
@@ -315,12 +350,15 @@ def make_table(
 
 
 def outcome_cell(group: list[Comparison], shown: Comparison, single_channel: bool) -> Text:
-    """Return the outcome of a row, and how many channels of its solver have the same outcome.
+    """Return the outcome of a row with its grade, and how many channels have the same outcome.
 
     `group` are the comparisons of the solver, `shown` the one that the row shows.  Where a row
     is a single channel (`single_channel`), there is no count.
     """
     text = format_outcome(shown.outcome)
+    same_outcome = [shown] if single_channel else group
+    if shown.outcome == Outcome.AGREES and (grade := grade_of(same_outcome)):
+        text.append(f" {grade.words}")
     same = sum(c.outcome == shown.outcome for c in group)
     return text if single_channel or len(group) == 1 else text.append(f" {same}/{len(group)}")
 
@@ -335,11 +373,17 @@ def failure_lines(
     sensors for which no quantity was found; references that read the model themselves; the largest
     error; and the number of comparisons with each outcome.
     """
-    pages, causes = {case.name for case in result.cases}, result.causes
+    pages = {case.name for case in result.cases}
+    causes = result.causes
     yield from first_screens(result)
+    for cause in causes:
+        yield from cause_lines(cause, result, link)
+    explained = {(d.case, d.run, d.solver) for cause in causes for d in cause.diagnoses}
     for (case, run, solver), rows in groupby(
         result.comparisons, lambda c: (c.case, c.run, c.solver)
     ):
+        if (case, run, solver) in explained:
+            continue
         group = list(rows)
         bad = [c for c in group if c.outcome not in OUTCOME_SIGNS]
         if not bad:
@@ -349,15 +393,13 @@ def failure_lines(
             c.message
             if c.outcome != Outcome.DIFFERS
             else (
-                f"{len(bad)} of {len(group)} channels, {c.channel} by {c.message}: "
-                f"{three_digits(c.error_max)} {c.unit} at {c.at:.6g}, "
-                f"{three_digits(c.relative_to_range)} of the range"
+                f"{len(bad)} of {len(group)} curves, {c.channel} by {c.message}: {format_worst(c)}"
             )
         )
         yield Text.assemble((f"{FAILURE_SIGN[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
         if found := result.diagnoses.get((case, run, solver)):
             elsewhere = [d for d in result.diagnoses.values() if d.case == case and d.found]
-            yield from diagnosis_lines(found, causes, elsewhere)
+            yield from diagnosis_lines(found, elsewhere)
         if link and case in pages:
             yield Text(f"  {link(c)}", style="dim")
     for line in left_out_lines(result):
@@ -377,6 +419,11 @@ def failure_lines(
     judged = [c for c in result.comparisons if c.outcome in CHECKED_OUTCOMES and c.channel]
     if judged:
         yield Text(format_largest(judged))
+    if coarse := worst_not_judged(result.comparisons):
+        yield Text(
+            f"not checked: errors up to {format_range_share(coarse.relative_to_range)} "
+            f"({format_comparison(coarse)})"
+        )
     counts = {
         o: sum(c.outcome == o for c in result.comparisons)
         for o in dict.fromkeys(c.outcome for c in result.comparisons)
@@ -390,24 +437,50 @@ def failure_lines(
     )
 
 
-def diagnosis_lines(
-    found: "Diagnosis", causes: "Sequence[SharedCause]" = (), elsewhere: "Sequence[Diagnosis]" = ()
+def cause_lines(
+    cause: "SharedCause", result: Result, link: Callable[[Comparison], str] | None = None
 ) -> Iterator[Text]:
-    """Yield the lines of a diagnosis.
+    """Yield the lines of a cause: its sentence, the line to copy, its proof, and its cases.
 
-    A cause that several runs share is told once, at the first of them, with what it explains in
-    all; `causes` are the shared causes.  Where no cause was found, the line names the runs of
-    the case in which one was found, those of `elsewhere`.
+    A cause is told once for all runs and cases that share it.  A case has one line, with its worst
+    curve and, if `link` is given, the address of that curve.
     """
-    shared = next((one for one in causes if found in one.diagnoses), None)
+    yield Text.assemble((f"{FAILURE_SIGN[0]} {cause.head}: ", FAILURE_SIGN[1]), cause.sentence)
+    for line in cause.details:
+        yield Text(f"    {line}")
+    runs = {(d.case, d.run, d.solver) for d in cause.diagnoses}
+    rows = [c for c in result.comparisons if (c.case, c.run, c.solver) in runs]
+    for name, own in group_by(rows, lambda c: c.case).items():
+        bad = [c for c in own if c.outcome == Outcome.DIFFERS]
+        worst = worst_comparison(bad or own)
+        in_runs = format_list(dict.fromkeys(f"{c.run} {c.solver}" for c in own))
+        yield Text(
+            f"  {name}: {len(bad)} of {len(own)} curves differ, in {in_runs}; "
+            f"{worst.channel} by {format_worst(worst)}"
+        )
+        if link:
+            yield Text(f"  {link(worst)}", style="dim")
+
+
+def format_worst(c: Comparison) -> str:
+    """Format the largest error of a comparison, its share of the range, and where it is.
+
+    >>> format_worst(Comparison("a", "b", "sweep", "pin.x", "m", error_max=0.0316, at=6.17847,
+    ...     error_rms=0.01, nrmse=0.0075, at_unit="rad"))
+    '0.0316 m, 2.4 % of its range, at 6.18 rad'
+    """
+    at = f"{c.at:.3g} {c.at_unit}".rstrip()
+    error = f"{number(c.error_max)} {c.unit.removeprefix('1')}".rstrip()
+    return f"{error}, {format_range_share(c.relative_to_range)}, at {at}"
+
+
+def diagnosis_lines(found: "Diagnosis", elsewhere: "Sequence[Diagnosis]" = ()) -> Iterator[Text]:
+    """Yield the lines of the diagnosis of a run that failed, or whose cause was not found.
+
+    Where other runs of the case have a cause, those of `elsewhere`, the line names these runs.
+    """
     head, (first, *more) = found.head, found.lines
-    if shared and found is not shared.diagnoses[0]:
-        fault = shared.best.fault
-        run = " ".join([(one := shared.diagnoses[0]).case, one.run, one.solver])
-        first, more = f"the same, {fault.place}" if fault else f"the same as in {run}", []
-    elif shared:
-        head, first = shared.head, shared.sentence
-    elif elsewhere and not (found.found or found.failed or found.fault):
+    if elsewhere and not (found.found or found.failed or found.fault):
         runs = ", ".join(f"{other.run} {other.solver}" for other in elsewhere)
         first, more = f"not found in this run; see {runs}", []
     yield Text.assemble((f"  {head}: ", "bold"), first)

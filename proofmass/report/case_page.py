@@ -4,7 +4,8 @@ Its first screen has panels: the verdict, what to do, why runs differ, and which
 model the runs notice.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,13 +19,19 @@ from markupsafe import Markup
 from proofmass.base.errors import InputError
 from proofmass.base.files import encode_text
 from proofmass.base.grouping import group_by
-from proofmass.base.wording import format_list, number
+from proofmass.base.wording import format_list, format_range_share, number
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 from proofmass.batch.check import Result
 from proofmass.case.case import Case
 from proofmass.evidence.coverage import Coverage, stored_coverage
 from proofmass.evidence.coverage_search import Finding
-from proofmass.evidence.diagnosis import Diagnosis, Explanation, SharedCause, shared_causes
+from proofmass.evidence.diagnosis import (
+    Diagnosis,
+    Explanation,
+    Fault,
+    SharedCause,
+    shared_causes,
+)
 from proofmass.formats.explain import (
     TRIED_SENTENCE,
     format_not_noticed,
@@ -33,6 +40,7 @@ from proofmass.formats.explain import (
     format_refusals,
     table_cells,
 )
+from proofmass.reference.compared_with import compared_with
 from proofmass.reference.evaluate import properties
 from proofmass.reference.mobility import mobility
 from proofmass.reference.reference_curves import ComparedCurves
@@ -58,15 +66,25 @@ from proofmass.report.words import (
     RUNS,
     case_state,
     format_closeness,
-    headline,
     quantity_kind,
 )
 from proofmass.sim.engines import format_solver
 from proofmass.verdict.comparison import Comparison
-from proofmass.verdict.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, FAILED_OUTCOMES, Outcome
+from proofmass.verdict.grade import Grade, grade_of, worst_not_judged
+from proofmass.verdict.outcome import (
+    CHECKED_OUTCOMES,
+    EMPTY_OUTCOMES,
+    FAILED_OUTCOMES,
+    UNCHECKED_OUTCOMES,
+    Outcome,
+)
 
 MAX_SOURCE_CHARACTERS = 200_000  # [characters] of a sidecar or model that a page shows
 SHOWN_CAUSES = 3  # number of causes that a panel shows
+START_RATIO = 2.0
+"""Ratio of the largest error to that after a tenth of the run, from which on it is of the start."""
+NOTABLE_RATIO = 2.0
+"""Ratio of two errors from which on it is told."""
 VISIBLE_GROUPS = 4
 """Number of groups that are visible at once; the others are in a list that opens."""
 
@@ -123,22 +141,28 @@ def render_page(
     compared = any(c.outcome in CHECKED_OUTCOMES for c in rows)
     file = case.file.name if case.file.is_absolute() else case.file
     trend = trend_of(history or History(), case, rows)
+    knowledge = properties_of(case, result, all_reached_limits(runs))
     data = case_data(case, gathered.recorded, drawings.motions, style) | {"trend": trend.data}
     return env.get_template("case.html").render(
         case=case,
         state=state,
-        headline=headline_of(case, runs, all_rows),
+        grade=grade_of(rows) if state == "good" else None,
+        grades=[*Grade][::-1],
+        compared_with=tell(partial(compared_with, properties=knowledge), None),
         data=data,
         trend=trend,
         embedded=script_json(data),
         curves=any(run.curves for run in runs),
         badge=format_badge(case, rows, state, faults),
-        closeness=format_closeness(case, rows),
+        closeness=" ".join(filter(None, [format_closeness(case, rows), format_open(rows)])),
         overview=overview_table(data) if rows else [],
         marks=axis_labels(),
         causes=cause_panels(case, result.diagnoses),
         open_lines=list_unchecked(case, runs),
-        advice=advice(case, rows, faults, state, own_causes(case, result.diagnoses)),
+        advice=advice(
+            case, rows, faults, state, [d for d in result.diagnoses.values() if d.case == case.name]
+        ),
+        defaults=compare_defaults(rows),
         command=f"proofmass check {file}",
         explain=f"proofmass explain {file}",
         noticed=tell(load_noticed_panel, None),
@@ -164,8 +188,7 @@ def render_page(
         parameters=parameters_of(case),
         own_numbers=case.reads_model,
         dof=tell(mobility, None),
-        knowledge=properties_of(case, result, all_reached_limits(runs)),
-        has_constants=bool(case.constant_channels),
+        knowledge=knowledge,
         reasons=tables.tolerance_rows(case),
         unnoticed=tables.unnoticed_parameters(case, rows) if compared else [],
         not_known=tables.unknown_parameters(case, rows) if compared else [],
@@ -244,16 +267,16 @@ def parameters_of(case: Case) -> dict[str, str]:
         return {}
 
 
-def headline_of(case: Case, runs: list[PlottedRun], rows: list[Comparison]) -> str:
-    """Return the verdict on a case in one line, with the time steps of its dynamics."""
-    steps = {
-        s: float(str(c.settings["timestep"]))
-        for run in runs
-        if run.kind == "dynamics"
-        for s, c in run.curves.items()
-        if "timestep" in c.settings
-    }
-    return headline(case, rows, steps)
+def format_open(rows: Sequence[Comparison]) -> str:
+    """Format the largest error of the curves that are not checked, if a plot shows it."""
+    c = worst_not_judged(rows)
+    if c is None:
+        return ""
+    early = c.relative_to_range >= START_RATIO * c.relative_to_range_later
+    return (
+        f"Not checked: up to {format_range_share(c.relative_to_range)} ({c.channel}, "
+        f"{format_solver(c.solver)} {RUNS[c.run].where}{', at the start' if early else ''})."
+    )
 
 
 def mechanism_entry(case: Case, drawings: Drawings) -> dict[str, Any] | None:
@@ -378,14 +401,16 @@ def looks_of(data: Mapping[str, Any], style: Mapping[str, Look]) -> dict[str, di
 
 
 def format_badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> str:
-    """Return the verdict on a case in few words."""
+    """Return the verdict on a case in few words, with its grade where it agrees."""
     judged = [c for c in rows if c.outcome in CHECKED_OUTCOMES]
-    differs = sum(c.outcome == Outcome.DIFFERS for c in rows)
+    differs = [c for c in rows if c.outcome == Outcome.DIFFERS]
     coarse = sum(c.outcome == Outcome.UNDECIDED for c in rows)
     failed = dict.fromkeys(c.outcome for c in rows if c.outcome in FAILED_OUTCOMES)
     words = []
     if differs:
-        words.append(f"Differs: {differs} of {len(judged)} checked curves")
+        worst = max(finite_share(c) for c in differs)
+        by = f", up to {format_range_share(worst, 'the')}" if worst > 0 else ""
+        words.append(f"Differs: {len(differs)} of {len(judged)} checked curves{by}")
     if coarse:
         words.append(f"Undecided: {coarse} of {len(judged)} checked curves")
     words += [
@@ -403,8 +428,15 @@ def format_badge(case: Case, rows: list[Comparison], state: str, faults: list[st
     if words:
         return "✗ " + "; ".join(words)
     if judged:
-        return f"✓ Agrees: all {len(judged)} checked curves"
+        grade = grade_of(judged)
+        closely = f" {grade.words}" if grade else ""
+        return f"✓ Agrees{closely}: all {len(judged)} checked curves"
     return "✗ Nothing is checked" if state == "bad" else "○ Not checked, as the sidecar says"
+
+
+def finite_share(c: Comparison) -> float:
+    """Return an error as a share of its range, 0 where it has none."""
+    return c.relative_to_range if math.isfinite(c.relative_to_range) else 0.0
 
 
 def list_unchecked(case: Case, runs: Iterable[PlottedRun]) -> list[str]:
@@ -434,43 +466,34 @@ def advice(
     rows: list[Comparison],
     faults: list[str],
     state: str,
-    causes: Sequence[SharedCause] = (),
+    diagnoses: Sequence[Diagnosis] = (),
 ) -> list[str]:
-    """List what there is to do, in sentences.
+    """List what there is to do beside the corrections that the causes show; empty for nothing.
 
-    What differs is mended by its causes; only runs without a known cause get general advice.
+    What differs is mended by its causes, what failed by its remedies; only other runs get general
+    advice.
     """
-    explained = {(d.case, d.run, d.solver) for cause in causes for d in cause.diagnoses}
-    remedies = [words for cause in causes for words in cause.remedies]
-    rows = [
-        c
-        for c in rows
-        if c.outcome != Outcome.DIFFERS or (c.case, c.run, c.solver) not in explained
-    ]
-    if remedies:
-        return [*remedies, *(general_advice(case, rows, faults, state) if is_bad(rows) else [])]
-    return general_advice(case, rows, faults, state)
-
-
-def is_bad(rows: list[Comparison]) -> bool:
-    """Whether a curve differs or is undecided, or a run failed."""
-    return bool({c.outcome for c in rows} & {Outcome.DIFFERS, Outcome.UNDECIDED, *FAILED_OUTCOMES})
-
-
-def general_advice(case: Case, rows: list[Comparison], faults: list[str], state: str) -> list[str]:
-    """List what there is to do where no cause is known."""
-    outcomes = {c.outcome for c in rows}
+    causes = shared_causes(diagnoses)
+    known = {(d.case, d.run, d.solver) for d in diagnoses if d.found or d.remedies}
+    words = [sentence for cause in causes for sentence in cause.further_remedies]
+    words += dict.fromkeys(remedy for d in diagnoses for remedy in d.remedies)
+    if {c.outcome for c in rows} <= set(UNCHECKED_OUTCOMES) and rows and state == "bad":
+        words.append(
+            "Give the case a [[tolerance]] that covers a channel, or say unchecked = true."
+        )
     if faults or not rows:
-        return ["Mend the input: the message above names the file and the key."]
-    if not outcomes & {Outcome.DIFFERS, Outcome.UNDECIDED, *EMPTY_OUTCOMES, *FAILED_OUTCOMES}:
-        if state == "bad":
-            return ["Give the case a [[tolerance]] that covers a channel, or say unchecked = true."]
-        if Outcome.AGREES not in outcomes:
-            return ["Nothing: the sidecar says that nothing is checked."]
-        return [
-            "Nothing: every checked curve is inside its allowance.",
-            *compare_defaults(rows),
-        ]
+        words.append("Mend the input: the message above names the file and the key.")
+    return [*words, *general_advice(case, [c for c in rows if key_of(c) not in known])]
+
+
+def key_of(c: Comparison) -> tuple[str, str, str]:
+    """Return the case, run and solver of a comparison."""
+    return c.case, c.run, c.solver
+
+
+def general_advice(case: Case, rows: list[Comparison]) -> list[str]:
+    """List what there is to do about runs whose cause is not known."""
+    outcomes = {c.outcome for c in rows}
     words = list(
         dict.fromkeys(
             f"{c.message[:1].upper()}{c.message[1:]}." for c in rows if c.outcome in EMPTY_OUTCOMES
@@ -491,10 +514,8 @@ def general_advice(case: Case, rows: list[Comparison], faults: list[str], state:
             "Halve the time step and look whether the error falls with the order of the "
             "integrator; proofmass trade does so for all settings."
         )
-    if outcomes & {Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY}:
-        words.append(
-            "Find what keeps the run busy, or give it more: timeout and memory of its table [run]."
-        )
+    for c in {(c.run, c.outcome): c for c in rows}.values():
+        words += limit_advice(case, c)
     if outcomes & {Outcome.DIVERGED, Outcome.CRASHED}:
         words.append(
             "Begin with the start pose of a run that fails, then halve its time step; its curves "
@@ -504,26 +525,43 @@ def general_advice(case: Case, rows: list[Comparison], faults: list[str], state:
     return words
 
 
+def limit_advice(case: Case, c: Comparison) -> Iterator[str]:
+    """Yield what to do about a run that reached its limit of time or of memory."""
+    if c.run not in case.run:
+        return
+    limits = case.run[c.run]
+    if c.outcome == Outcome.TIMED_OUT:
+        yield (
+            f"Give the run more processor time: timeout of [run.{c.run}] is {limits.timeout:g} s; "
+            "or make it cheaper, by a longer time step or fewer samples."
+        )
+    if c.outcome == Outcome.OUT_OF_MEMORY:
+        yield (
+            f"Give the run more memory: memory of [run.{c.run}] is {limits.memory:g} GiB; or make "
+            "the model smaller."
+        )
+
+
 def compare_defaults(rows: list[Comparison]) -> list[str]:
     """List how much larger errors with an engine's defaults are, where a case has both."""
     words = []
-    for c in {c.solver: c for c in rows}.values():
+    for c in {(c.run, c.solver): c for c in rows}.values():
         engine, _, variant = c.solver.partition(":")
         if variant != "default":
             continue
         own = [r for r in rows if r.run == c.run and quantity_kind(r.unit) == "position"]
-        shares = [
-            max(
-                (r.relative_to_range for r in own if r.solver == name and r.error_max >= 0),
-                default=0.0,
-            )
+        mine, default = (
+            max((finite_share(r) for r in own if r.solver == name), default=0.0)
             for name in (engine, c.solver)
-        ]
-        if all(shares) and shares[1] > shares[0]:
-            words.append(
-                f"{format_solver(engine)} with its defaults reaches {number(shares[1], 2)} in "
-                f"position instead of {number(shares[0], 2)}; the settings are in the tables below."
-            )
+        )
+        seconds = next((r.seconds for r in own if r.solver == engine), math.nan)
+        if not (mine and default > NOTABLE_RATIO * mine):
+            continue
+        cost = f", in {number(c.seconds / seconds, 2)} of the time" if seconds > 0 else ""
+        words.append(
+            f"With the defaults of {format_solver(engine)} a position is off by "
+            f"{format_range_share(default)}, {number(default / mine, 2)} times as much{cost}."
+        )
     return words
 
 
@@ -560,17 +598,24 @@ class CausePanel:
         Sentences below the title.
     where : str
         The runs that the panel is about, as a sentence.
+    faults : tuple of Fault
+        The wrong values that its file writes, whose lines are shown as they are and as they should
+        be.
     rows : tuple of CauseRow
         Causes that were tried, in the first of these runs.
     tried : str
         Kinds of causes that were tried, as a list in words.
+    why : str
+        The heading above the rows; empty without any.
     """
 
     title: str
     lines: tuple[str, ...]
     where: str
+    faults: tuple[Fault, ...] = ()
     rows: tuple[CauseRow, ...] = ()
     tried: str = ""
+    why: str = ""
 
 
 def cause_panels(
@@ -584,11 +629,11 @@ def cause_panels(
     failed = [found for found in own if found.failed]
     unknown = [found for found in own if not found.failed and not found.found]
     return [
+        *map(cause_panel, own_causes(case, diagnoses)),
         *(
             CausePanel("What happened", lines, format_runs(some))
-            for lines, some in group_by(failed, lambda d: tuple(d.lines)).items()
+            for lines, some in group_by(failed, lambda d: d.remarks or (*d.lines,)).items()
         ),
-        *map(cause_panel, own_causes(case, diagnoses)),
         *(unknown_panel(some) for some in group_by(unknown, lambda d: d.lines[0]).values()),
     ]
 
@@ -607,18 +652,29 @@ def unknown_panel(found: list[Diagnosis]) -> CausePanel:
         return CausePanel("Why it differs was not found out", (first.fault,), where)
     lines = (*first.limits, *first.remarks)
     title = "Cause: none of those that were tried"
-    return CausePanel(title, lines, where, cause_rows(first), format_list(first.tried))
+    rows, tried = cause_rows(first), format_list(first.tried)
+    return CausePanel(title, lines, where, (), rows, tried, f"What was tried: {tried}")
 
 
 def cause_panel(cause: SharedCause) -> CausePanel:
     """Return the panel of runs with the same first cause; its rows are those of the first run."""
     first = cause.diagnoses[0]
-    # the next best cause is in the rows
-    details = (line for line in first.details if not line.startswith("next best: "))
-    lines = (*details, *first.remarks)
-    title = f"{cause.text[0].upper()}{cause.text[1:]}"
-    where = format_runs([*cause.diagnoses])
-    return CausePanel(title, lines, where, cause_rows(first), format_list(first.tried))
+    faults = tuple(fault for fault in cause.best.faults if fault.instead)
+    shown = {line for fault in faults for line in fault.diff}
+    others = len(first.causes) - 1
+    why = "Why this and nothing else"
+    if others > 0:
+        why += f": the {'next best explanation' if others == 1 else 'next best explanations'}"
+    head = "" if cause.complete else f"{cause.head[:1].upper()}{cause.head[1:]}: "
+    return CausePanel(
+        f"{head}{cause.sentence}",
+        tuple(line for line in cause.details if line not in shown),
+        format_runs([*cause.diagnoses]),
+        faults,
+        cause_rows(first),
+        format_list(first.tried),
+        why,
+    )
 
 
 def cause_rows(found: Diagnosis) -> tuple[CauseRow, ...]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from proofmass.base.grouping import group_by
 from proofmass.base.units import MOTION_UNITS, si_unit
-from proofmass.base.wording import format_list, number
+from proofmass.base.wording import format_list, format_range_share, number
 from proofmass.case.case import Case
 from proofmass.sim.engines import format_solver
 from proofmass.verdict.comparison import Comparison
@@ -296,7 +296,8 @@ def format_closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
         own = [c for c in judged or rows if c.run == run]
         for kind in (*MOTION_UNITS, *FORCES_AND_ENERGIES, "other"):
             if here := [c.relative_to_range for c in own if quantity_kind(c.unit) == kind]:
-                texts.setdefault(kind, []).append(f"{number(max(here), 2)} {{}}{words_of.where}")
+                share = format_range_share(max(here), "{}")
+                texts.setdefault(kind, []).append(f"{share} {words_of.where}")
                 break
     words = []
     to = "differ by up to" if any(c.outcome == Outcome.DIFFERS for c in rows) else "to"
@@ -305,10 +306,11 @@ def format_closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
             kind, f"{kind}s"
         )
         shares = ", ".join(
-            part.format("of their range " if k == 0 else "") for k, part in enumerate(parts)
+            part.format("their") if k == 0 else part.replace(" of {} range", "")
+            for k, part in enumerate(parts)
         )
         words.append(f"{name} {to} {shares}")
-    unjudged = "Not judged: " if words and not judged else ""
+    unjudged = "Not checked: " if words and not judged else ""
     text = "; ".join(words)
     return f"{unjudged}{text[:1].upper()}{text[1:]}." if text else ""
 

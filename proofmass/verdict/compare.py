@@ -178,6 +178,7 @@ def compare_channel(
         "seconds": curves.seconds,
         "steps": curves.steps,
         "violation": curves.violation,
+        "at_unit": unit_of_x(case, run),
     }
     if name not in curves.channels:
         return Comparison(
@@ -210,6 +211,21 @@ def compare_channel(
             outcome = Outcome.UNDECIDED
             message = explain_undecided(found["uncertainty"], allowed, unit)
     return Comparison(**place, **found, outcome=outcome, message=message)
+
+
+def unit_of_x(case: Case, run: Kind) -> str:
+    """The SI unit of a run's x: s in time, m along rods, that of the leading drive in a sweep.
+
+    >>> from proofmass import load_case
+    >>> case = load_case("models/linkages/fourbar.toml")
+    >>> unit_of_x(case, "sweep"), unit_of_x(case, "dynamics")
+    ('rad', 's')
+    """
+    if run == "equilibrium":
+        return "m"
+    if run == "dynamics" or case.leader is None or not case.leader.steady:
+        return "s"
+    return str(joints(compiled_model(case))[case.leader.joint])
 
 
 def check_tolerances(

@@ -107,6 +107,9 @@ class Comparison(ShownAsHtml):
         such as the interpolation of recorded rows [its unit]; 0 where there is none.
     noise : NoiseResult, optional
         Of a measured curve whose tolerance is its noise.
+    at_unit : str
+        The unit of `at`: s of a motion in time, m of an arc length, rad or m of a drive; empty if
+        it is not known.
     """
 
     case: str
@@ -128,6 +131,7 @@ class Comparison(ShownAsHtml):
     error_later: float = NAN
     uncertainty: float = 0.0
     noise: NoiseResult | None = None
+    at_unit: str = ""
 
     @property
     def relative_to_range(self) -> float:

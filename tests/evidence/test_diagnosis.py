@@ -114,11 +114,16 @@ def test_a_longer_rocker_whose_centre_of_mass_stays_is_named(longer_rocker):
     assert second.changes["rocker"] == (2.5, pytest.approx(2.525, rel=1e-12))
     assert set(found.differing) - set(second.explains) == {"holding_moment"}
     lines = [line.plain for line in failure_lines(result)]
-    k = lines.index(f"  cause: {SENTENCE} all 34 curves of 2 runs agree")
+    k = lines.index(f"✗ cause: {SENTENCE} all 34 curves of 2 runs agree")
     line = (Path(first.fault.file)).read_text().splitlines()[32]
     right = line.replace("2.525", "2.5").strip()
-    assert lines[k + 1] == f"         fourbar.xml, line 33 would be: {right}"
-    assert lines.count("  cause: the same, fourbar.xml, line 33") == 1
+    assert lines[k + 1 : k + 3] == [f"    33 - {line.strip()}", f"    33 + {right}"]
+    assert re.fullmatch(
+        r".*largest error is 0\.\d+ of what is allowed, .*; known to ± 1e-12 m", lines[k + 3]
+    )
+    (of_case,) = (each for each in lines if each.startswith("  fourbar: 34 of 34 curves differ"))
+    assert of_case.endswith("pin.x by 0.0314 m, 2.4 % of its range, at 0 rad")
+    assert sum("rocker_end" in each for each in lines) == 3  # told once, with the line to copy
     data = json.loads(as_json(result))
     (cause,) = data["causes"]
     (fault,) = cause["faults"]
@@ -436,8 +441,9 @@ def test_a_failed_run_is_described_up_to_its_failure(tmp_path):
     assert all(y.size == curves.x.size for y in curves.channels.values())
     found = result.diagnoses[key]
     assert found.failed
-    (words,) = (line for line in found.lines if "time step" in line)
+    (words,) = (line for line in found.remarks if "time step" in line)
     step = float(re.search(r"with a time step of (\S+) s instead of 1 s it comes", words)[1])
+    assert found.remedies == (f"Make the time step {1e3 * step:g} ms; it is 1000 ms.",)
     case = load_case(tmp_path / "fourbar_released.toml")
     for factor, ends in ((1.0, True), (2.0, False)):
         settings = {"mujoco": {**case.settings.get("mujoco", {}), "timestep": factor * step}}
@@ -491,7 +497,7 @@ def test_a_failed_pytest_item_states_the_cause(pytester):
     run.stdout.fnmatch_lines(
         [
             f"cause: {SENTENCE} all 34 curves of 2 runs agree",
-            '    fourbar.xml, line 33 would be: <site*pos="2.5 0 0"/>',
+            '    33 + <site*pos="2.5 0 0"/>',
             "*sweep *: differs*",
         ]
     )

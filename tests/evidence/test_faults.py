@@ -36,7 +36,15 @@ from proofmass.run.sidecar import load_case
 from tests.shipped import shipped
 
 ROCKER = Fault(
-    Path("a/fourbar.xml"), 33, "rocker_end x", "m", 2.525, 2.5, 1e-12, '<site pos="2.5 0 0"/>'
+    Path("a/fourbar.xml"),
+    33,
+    "rocker_end x",
+    "m",
+    2.525,
+    2.5,
+    1e-12,
+    instead='<site pos="2.5 0 0"/>',
+    written='<site pos="2.525 0 0"/>',
 )
 
 
@@ -312,7 +320,7 @@ def test_what_makes_an_error_smaller_says_by_how_much():
     assert cause.effect == "the error of both curves falls to 3e-14 of it"
     assert cause.sentence == f"rocker_end x longer; with that changed {cause.effect}"
     (shared,) = shared_causes([make_diagnosis(cause)])
-    assert shared.remedies == ["Make the run finer: rocker_end x longer."]
+    assert shared.further_remedies == ["Make the run finer: rocker_end x longer."]
 
 
 def test_the_lines_of_a_diagnosis():
@@ -321,8 +329,9 @@ def test_the_lines_of_a_diagnosis():
     found = make_diagnosis(best, other, remarks=("a remark",), untried=("pairs",))
     assert found.lines == [
         best.sentence,
-        'fourbar.xml, line 33 would be: <site pos="2.5 0 0"/>',
-        "3e-14 of the error left; not b",
+        '33 - <site pos="2.525 0 0"/>',
+        '33 + <site pos="2.5 0 0"/>',
+        "with it 3e-14 of the error is left; known to ± 1e-12 m; not b",
         f"as good: x 1 → 2 and {ROCKER.sentence('it agrees')}",
         f"next best: {other.sentence}",
         "the search reached its limit before pairs",
@@ -330,7 +339,7 @@ def test_the_lines_of_a_diagnosis():
     ]
     assert best.mirrors == (ROCKER.sentence("it agrees"),)
     whole = make_diagnosis(make_cause(), other, remarks=("a remark",), untried=("pairs",))
-    assert whole.lines[2:] == ["3e-14 of the error left", "a remark"]
+    assert whole.lines[3:] == ["with it 3e-14 of the error is left; known to ± 1e-12 m", "a remark"]
     none = make_diagnosis(make_cause("", "c"), tried=("sign", "unit"), untried=("pairs",))
     assert none.best is None
     assert none.lines == [
@@ -341,7 +350,7 @@ def test_the_lines_of_a_diagnosis():
     assert make_diagnosis().found is False
     assert make_diagnosis(failed=True).head == "failed"
     assert make_diagnosis(fault="no time").lines == ["causes were not searched for: no time"]
-    assert found.text.splitlines()[1].startswith(" " * 9 + "fourbar.xml, line 33 would be")
+    assert found.text.splitlines()[1].startswith(" " * 9 + "33 - <site")
 
 
 def test_runs_and_cases_share_a_cause_by_its_place():
@@ -360,14 +369,18 @@ def test_runs_and_cases_share_a_cause_by_its_place():
     likely = SharedCause((make_diagnosis(make_cause()), partly))
     assert likely.head == "most likely (75 % explained)"
     assert likely.effect == "3 of 4 curves of 2 runs of fourbar and released agree"
-    assert likely.remedies == [
+    assert likely.further_remedies == [
         f"First look here; the cause does not explain all curves. {ROCKER.remedy}"
     ]
     broken = SharedCause((make_diagnosis(make_cause("ab", "c")), same))
     assert broken.effect.endswith("agree, but 1 that agreed would differ")
     mirror = ROCKER.sentence("all agree").replace("xml", "toml")
     told = SharedCause((make_diagnosis(replace(make_cause(), same=("b", mirror))),))
-    assert told.remedies == [ROCKER.remedy, f"If that value is right: {mirror}."]
+    assert told.further_remedies == [f"If that value is right: {mirror}."]
+    unwritten = replace(ROCKER, instead="", written="")
+    (default,) = shared_causes([make_diagnosis(make_cause(faults=(unwritten,)))])
+    assert default.further_remedies == [unwritten.remedy]
+    assert not any(line.startswith("33 ") for line in default.details)
 
 
 def test_several_wrong_values_have_their_lines():

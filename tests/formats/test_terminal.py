@@ -99,7 +99,7 @@ def test_a_solver_has_a_row_with_its_worst_channel():
             "one",
             "sweep",
             "mujoco",
-            "✓ agrees 2/2",
+            "✓ agrees coarsely 2/2",
             "y",
             "9.00e-03 m",
             "1.00e-02",
@@ -129,8 +129,8 @@ def test_each_channel_has_a_row_if_all_are_requested():
     rows = table_cells(RESULT, every_channel=True)
     assert [row[0] for row in rows[1:]] == ["one", "", "two", "", "", ""]
     assert [row[3:5] for row in rows[1:]] == [
-        ["✓ agrees", "x"],
-        ["✓ agrees", "y"],
+        ["✓ agrees", "x"],  # it has no range
+        ["✓ agrees coarsely", "y"],
         ["✗ differs", "x"],
         ["✗ differs", "y"],
         ["✓ agrees", "z"],
@@ -149,12 +149,12 @@ def test_an_error_over_its_tolerance_has_two_digits():
 
 def test_a_narrow_screen_has_fewer_columns():
     for width, head in (
-        (101, TABLE_HEADER),
-        (100, TABLE_HEADER[:9]),
-        (88, TABLE_HEADER[:9]),
-        (87, [*TABLE_HEADER[:5], *TABLE_HEADER[7:9]]),
-        (65, [*TABLE_HEADER[:5], *TABLE_HEADER[7:9]]),
-        (64, [*TABLE_HEADER[:4], *TABLE_HEADER[7:9]]),
+        (109, TABLE_HEADER),
+        (108, TABLE_HEADER[:9]),
+        (96, TABLE_HEADER[:9]),
+        (95, [*TABLE_HEADER[:5], *TABLE_HEADER[7:9]]),
+        (73, [*TABLE_HEADER[:5], *TABLE_HEADER[7:9]]),
+        (72, [*TABLE_HEADER[:4], *TABLE_HEADER[7:9]]),
     ):
         (table,) = summary_tables(RESULT, width=width)
         assert [c.header for c in table.columns] == head
@@ -188,20 +188,20 @@ def test_no_word_is_broken_on_80_columns():
     )
     assert found == [
         "balancer_progressive_contact",
-        "  run    solver          outcome          of range  of allowed",
-        "  sweep  mujoco:settled  ✓ agrees         1.80e-02        0.90",
-        "  sweep  pymunk          ✗ out of memory  1.80e-02        0.90",
+        "  run    solver          outcome            of range  of allowed",
+        "  sweep  mujoco:settled  ✓ agrees coarsely  1.80e-02        0.90",
+        "  sweep  pymunk          ✗ out of memory    1.80e-02        0.90",
         "one",
-        "  sweep  mujoco          ✓ agrees         1.80e-02        0.90",
+        "  sweep  mujoco          ✓ agrees coarsely  1.80e-02        0.90",
     ]
     assert screen_lines(
         *summary_tables(Result(comparisons=LONGEST_NAMES), True, width=80), width=80
     ) == [
         "balancer_progressive_contact sweep mujoco:settled",
-        "  channel                       outcome          of range  of allowed",
-        "  right_coupler_acceleration.z  ✓ agrees         1.80e-02        0.90",
+        "  channel                       outcome            of range  of allowed",
+        "  right_coupler_acceleration.z  ✓ agrees coarsely  1.80e-02        0.90",
         "balancer_progressive_contact sweep pymunk",
-        "  right_coupler_acceleration.z  ✗ out of memory  1.80e-02        0.90",
+        "  right_coupler_acceleration.z  ✗ out of memory    1.80e-02        0.90",
     ]
 
 
@@ -233,8 +233,8 @@ def test_each_shipped_case_is_listed_on_a_line_of_80_columns():
 def test_failures_have_a_line_each_and_all_outcomes_are_counted():
     lines = [line.plain for line in failure_lines(RESULT)]
     assert lines == [
-        "✗ two sweep mujoco differs: 2 of 3 channels, y by 3 x the allowed error: 3.00e-02 m at "
-        "1.23457e+06, – of the range",
+        "✗ two sweep mujoco differs: 2 of 3 curves, y by 3 x the allowed error: 0.03 m, "
+        "— of its range, at 1.23e+06",
         "✗ two sweep pymunk diverged: the loops are open",
         "largest error 1.80e-02 of the range (one sweep mujoco y); nearest to its limit 3.00 of "
         "what is allowed (two sweep mujoco y)",
@@ -349,6 +349,7 @@ def test_json_has_null_for_nan_and_infinity():
     )
     assert list(found) == [
         "comparisons",
+        "grades",
         "causes",
         "diagnoses",
         "notes",
@@ -361,7 +362,7 @@ def test_json_has_null_for_nan_and_infinity():
     assert found["errors"] == [{"file": "a.toml", "key": "key", "wrong": "why"}]
     assert found["exit_code"] == 2
     (row,) = found["comparisons"]
-    assert tuple(row) == terminal.COMPARISON_KEYS
+    assert tuple(row) == (*terminal.COMPARISON_KEYS, "grade")
     assert (
         row["case"],
         row["solver"],

@@ -402,7 +402,7 @@ def test_a_page_says_that_the_reference_reads_the_models_own_numbers(
     case = case_with_samples("peaucellier")
     write_report(Result(cases=[case]), tmp_path)
     page = (tmp_path / "peaucellier.html").read_text(encoding="utf-8")
-    assert "It checks the engine, not the model" in page
+    assert "it checks the engine, not the model" in page
     assert "must = 0.8625 m</span>" in page
     rows = [
         replace(c, outcome="agrees")

@@ -394,6 +394,7 @@ def quantities(
 class BalancerReference(ChainParameters, ClosedForm, function=solve, properties=properties):
     """Torsion-spring balancer of a pendulum: a chain of two to four segments, stops, preloads."""
 
+    method = "solver of the equilibria of a chain with springs"
     marks = (events,)
     profiles = (flexing,)
 

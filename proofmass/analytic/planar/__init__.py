@@ -729,6 +729,7 @@ class LinkageAtRest:
 class Planar(Reference):
     """The general planar linkage: the reference of any planar MJCF that has no closed form."""
 
+    method = "general solver of planar linkages"
     reads_model = True
     covers_inertia = True
     follows_controls = True

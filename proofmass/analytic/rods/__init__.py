@@ -65,6 +65,7 @@ __all__ = [
 class ClampedRod(ClosedForm, function=solve):
     """A clamped planar rod under dead loads, which may also stretch and shear."""
 
+    method = "solver of a clamped rod, by elliptic functions or by shooting"
     charts = (
         buckling,
         imperfect,

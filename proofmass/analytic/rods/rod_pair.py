@@ -515,6 +515,7 @@ class PairParameters(Reference):
 class RodPair(PairParameters, ClosedForm, function=solve):
     """Two clamped rods with their tips on one pin (2RFR), at rest under a dead load."""
 
+    method = "solver of the elastica between a clamp and a common pin"
     charts = (
         equilibria,
         motor_angles,

@@ -430,6 +430,7 @@ def describe_equilibria(s: RodState, rate: Array, growth: Array) -> dict[str, Ar
 class DrivenRodPair(PairParameters, ClosedForm, function=solve):
     """Two clamped rods with their tips on one pin (2RFR), moved by their motors."""
 
+    method = "solver of the elastica between a clamp and a common pin"
     takes_load_rates = True
     profiles = (
         circles,

@@ -764,6 +764,7 @@ def format_inflections(mode: int) -> str:
 class PinnedRod(ClosedForm, function=solve):
     """A rod from a clamp to a pin at a given position: its force and moment by shooting."""
 
+    method = "solver of a rod between a clamp and a pin, by shooting"
     charts = (
         loads,
         loads_of_direction,

@@ -241,6 +241,7 @@ def platform_is_stable(s: RodState) -> NDArray[np.bool_]:
 class RodPlatform(ClosedForm, function=solve):
     """Three clamped rods with their tips on one platform (3RFR), at rest under a dead load."""
 
+    method = "solver of three rods on a platform"
     side: Length
     theta1: Angle
     theta2: Angle

@@ -365,6 +365,7 @@ def describe_equilibria(found: RodState, rate: Array, growth: Array) -> Array:
 class DrivenRodPlatform(ClosedForm, function=solve):
     """Three clamped rods on one rigid platform, driven along guides (3PFR) or by motors (3RFR)."""
 
+    method = "solver of three rods on a platform"
     takes_load_rates = True
     charts = (constant_orientation,)
     inverse = InverseProblem({"x": "x", "y": "y", "phi": "phi"}, follow_path, LED_ACCURACY)

@@ -111,6 +111,7 @@ def start_at_rest(
 class ReleasedRod(ClosedForm, function=solve):
     """Straight clamped rod released under its own weight: a motion of any amplitude in a plane."""
 
+    method = "integration of the equations of motion of a rod"
     length: Length
     stiffness: BendingStiffness
     mass: Annotated[float, Quantity("kg", Domain.POSITIVE)]

@@ -454,6 +454,7 @@ def properties(
 class SnappingRod(ClosedForm, function=solve, properties=properties):
     """Rod between a motor and a pin that is nearer than its length: it snaps from side to side."""
 
+    method = "solver of the elastica between a motor and a pin"
     charts = (
         branches,
         shapes,

@@ -175,6 +175,7 @@ def start_straight(
 class ElasticSliderCrank(ClosedForm, function=solve):
     """Slider-crank with an elastic coupler with mass, its crank driven at a constant rate."""
 
+    method = "integration of the equations of motion of a rod"
     crank: Length
     coupler: Length
     stiffness: BendingStiffness

@@ -447,6 +447,7 @@ def negative_directions(load: SpatialLoad, begin: Array, steps: int, share: floa
 class SpatialRod(ClosedForm, function=solve):
     """A clamped rod in space under dead loads: it bends to two sides, twists, stretches, shears."""
 
+    method = "solver of a rod in space, by shooting"
     in_space = True
 
     length: Length

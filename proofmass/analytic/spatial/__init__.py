@@ -661,6 +661,7 @@ def spring_energy(stiffness: tuple[float, ...], x: Array) -> Array:
 class Spatial(Reference):
     """Any spatial mechanism: the reference of an MJCF with bodies that move in space."""
 
+    method = "general solver of mechanisms in space"
     reads_model = True
     covers_inertia = True
     follows_controls = True

@@ -1,6 +1,7 @@
 """What a search for causes finds: explanations, and the diagnosis of a run that they make up."""
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from proofmass.base.grouping import group_by
@@ -52,6 +53,9 @@ class Explanation:
         The change as changes of numbers of the model; empty if it is none.
     estimated : bool
         Whether its effect is only estimated to first order, since the search reached its limit.
+    ratio : float
+        Largest error after the change over what is allowed [1], of the channels that it explains;
+        NaN if it explains none.
     """
 
     kind: str
@@ -66,6 +70,7 @@ class Explanation:
     faults: tuple[Fault, ...] = ()
     edits: Edits = ()
     estimated: bool = False
+    ratio: float = math.nan
 
     @property
     def fitted(self) -> int:
@@ -161,6 +166,32 @@ def likely(share: float) -> str:
     return f"most likely ({100 * share:.0f} % explained)"
 
 
+def describe_proof(explanations: Sequence[Explanation]) -> str:
+    """What a cause leaves of the differences of one or several runs, and how exactly it is known.
+
+    >>> one = Explanation("parameter", "rocker", ("pin",), (), 3e-14, 1, ratio=0.41)
+    >>> describe_proof([one])
+    'with it the largest error is 0.41 of what is allowed, 3e-14 of what it was'
+    """
+    left = max(one.left for one in explanations)
+    text = f"with it {number(left, 2)} of the error is left"
+    if math.isfinite(ratio := max(one.ratio for one in explanations)):
+        text = (
+            f"with it the largest error is {number(ratio, 2)} of what is allowed, "
+            f"{number(left, 2)} of what it was"
+        )
+    known = [fault.known for fault in finest_faults(explanations) if fault.known]
+    return f"{text}; known to {format_list(known)}" if known else text
+
+
+def finest_faults(explanations: Sequence[Explanation]) -> list[Fault]:
+    """The faults of a cause of several runs, each as the run says that knows it best."""
+    return [
+        min(same, key=lambda fault: fault.within or math.inf)
+        for same in zip(*(one.faults for one in explanations), strict=True)
+    ]
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """The causes that would explain why the run of a solver differs from its reference.
@@ -187,7 +218,9 @@ class Diagnosis:
     fault : str
         The reason why causes could not be searched for; empty if they were.
     failed : bool
-        Whether the run failed; then there are only remarks.
+        Whether the run failed; then there are only remarks and remedies.
+    remedies : tuple of str
+        Sentences on what mends a run that failed.
     """
 
     case: str
@@ -202,6 +235,7 @@ class Diagnosis:
     seconds: float = 0.0
     fault: str = ""
     failed: bool = False
+    remedies: tuple[str, ...] = ()
 
     @property
     def best(self) -> Explanation | None:
@@ -228,7 +262,7 @@ class Diagnosis:
         if self.fault:
             return [f"causes were not searched for: {self.fault}"]
         if self.failed:
-            return list(self.remarks) or ["no reason was found"]
+            return [*self.remarks, *self.remedies] or ["no reason was found"]
         if self.best is None:
             return [f"none of those tried: {', '.join(self.tried)}", *self.limits, *self.remarks]
         return [self.best.sentence, *self.details, *self.remarks]
@@ -240,9 +274,8 @@ class Diagnosis:
         if best is None:
             return []
         rest = [name for name in self.differing if name not in best.explains]
-        copies = [f"{f.place} would be: {f.instead}" for f in best.faults if f.instead]
-        left = f"{number(best.left, 2)} of the error left"
-        found = [*copies, left + f"; not {format_list(rest)}" * bool(rest)]
+        found = [line for fault in best.faults for line in fault.diff]
+        found.append(describe_proof([best]) + f"; not {format_list(rest)}" * bool(rest))
         found += [f"as good: {format_list(best.same)}"] * bool(best.same)
         if not best.complete and len(self.causes) > 1:
             found.append(f"next best: {self.causes[1].sentence}")
@@ -323,13 +356,28 @@ class SharedCause:
         return f"{self.head}: {self.sentence}"
 
     @property
-    def remedies(self) -> list[str]:
-        """Sentences on what to do about it."""
+    def proof(self) -> str:
+        """What the cause leaves of the differences of all its runs, and how exactly it is known."""
+        return describe_proof(self.explanations)
+
+    @property
+    def details(self) -> list[str]:
+        """Lines on the cause: the wrong line and the right one, the proof, other explanations."""
+        found = [line for fault in self.best.faults for line in fault.diff]
+        rest = sum(one.differing - len(one.explains) for one in self.explanations)
+        found.append(self.proof + f"; {count_curves(rest, rest + 1)} not explained" * bool(rest))
+        found += [f"as good: {format_list(self.best.same)}"] * bool(self.best.same)
+        return [*found, *dict.fromkeys(line for one in self.diagnoses for line in one.remarks)]
+
+    @property
+    def further_remedies(self) -> list[str]:
+        """Sentences on what to do, beside the corrected lines that a page or the terminal shows."""
         if self.best.kind == FINER_KIND:
             return [f"Make the run finer: {self.best.words}."]
         lead = "" if self.complete else "First look here; the cause does not explain all curves. "
-        found = [f"{lead}{fault.remedy}" for fault in self.best.faults]
-        found = found or [f"{lead}Change this: {self.best.words}."]
+        found = [f"{lead}{fault.remedy}" for fault in self.best.faults if lead or not fault.instead]
+        if not self.best.faults:
+            found = [f"{lead}Change this: {self.best.words}."]
         return [*found, *(f"If that value is right: {same}." for same in self.best.mirrors)]
 
 

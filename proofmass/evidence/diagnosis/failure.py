@@ -1,8 +1,9 @@
 """Why a run failed, from its curves before the failure."""
 
+import math
 import time
 from collections.abc import Iterator
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -26,6 +27,13 @@ TRIED_HALVINGS = 6  # times that a time step is halved
 TENFOLD = 0.1  # share of the last constraint violation from which its growth is counted
 
 
+class Reason(NamedTuple):
+    """A finding on a failed run, and what mends it; empty where it only describes."""
+
+    remark: str
+    remedy: str = ""
+
+
 def describe_failure(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis:
     """Describe a failed run by its curves before the failure.
 
@@ -43,7 +51,7 @@ def describe_failure(case: Case, run: Kind, solver: str, curves: Curves) -> Diag
         Its remarks say which channels left their tolerance first, how far loops are open in the
         start pose, how the constraint violation grew, whether the time step is beyond the stability
         limit of the integrator at the stiffest spring, and with which shorter step the run comes to
-        its end.
+        its end; its remedies say which time step helps.
 
     Raises
     ------
@@ -51,15 +59,26 @@ def describe_failure(case: Case, run: Kind, solver: str, curves: Curves) -> Diag
         The reference cannot be evaluated.
     """
     begin = time.perf_counter()
+    reasons = [
+        *describe_stability(case, run, solver, curves),
+        *describe_shorter_steps(case, run, solver, curves),
+    ]
     words = [
         *describe_first_error(case, run, solver, curves),
         *describe_start(case),
         *describe_violation(curves),
-        *describe_stability(case, run, solver, curves),
-        *describe_shorter_steps(case, run, solver, curves),
+        *(reason.remark for reason in reasons),
     ]
-    seconds = time.perf_counter() - begin
-    return Diagnosis(case.name, run, solver, remarks=tuple(words), seconds=seconds, failed=True)
+    remedies = [reason.remedy for reason in reasons if reason.remedy]
+    return Diagnosis(
+        case.name,
+        run,
+        solver,
+        remarks=tuple(words),
+        remedies=tuple(remedies[:1]),  # the limit by theory, before a step that was tried
+        seconds=time.perf_counter() - begin,
+        failed=True,
+    )
 
 
 def describe_first_error(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
@@ -92,7 +111,7 @@ def describe_violation(curves: Curves) -> Iterator[str]:
         )
 
 
-def describe_stability(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
+def describe_stability(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[Reason]:
     """A remark on whether the time step is too long for the stiffest spring, by theory."""
     if not (step := time_step_of(run, curves)):
         return
@@ -103,14 +122,30 @@ def describe_stability(case: Case, run: Kind, solver: str, curves: Curves) -> It
     if scheme is None or not fastest:
         return
     most = stability_limit(scheme.step)
-    side = "beyond" if step * fastest > most else "within"
-    yield (
+    beyond = step * fastest > most
+    side = "beyond" if beyond else "within"
+    limit = f"{number(1e3 * round_down(most / fastest))} ms"
+    yield Reason(
         f"dt ω = {number(step * fastest)} of the stiffest spring, {side} the {number(most)} up to "
-        f"which {scheme.name} is stable"
+        f"which {scheme.name} is stable",
+        f"Make the time step at most {limit}; it is {number(1e3 * step)} ms, with which "
+        f"{scheme.name} is unstable at the stiffest spring."
+        if beyond
+        else "",
     )
 
 
-def describe_shorter_steps(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
+def round_down(value: float, digits: int = 3) -> float:
+    """The next smaller number of so many significant digits.
+
+    >>> round_down(0.00126999), round_down(2.5)
+    (0.00126, 2.5)
+    """
+    unit = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
+    return float(f"{math.floor(value / unit * (1 + 1e-12)) * unit:.{digits}g}")
+
+
+def describe_shorter_steps(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[Reason]:
     """A remark on the longest step of dt/2, dt/4, .. with which the run, if short, succeeds."""
     if not (step := time_step_of(run, curves)):
         return
@@ -125,7 +160,10 @@ def describe_shorter_steps(case: Case, run: Kind, solver: str, curves: Curves) -
         except RUN_EXCEPTIONS:
             continue
         words = f"{number(shortest)} s instead of {number(step)} s"
-        yield f"with a time step of {words} it comes to its end"
+        yield Reason(
+            f"with a time step of {words} it comes to its end",
+            f"Make the time step {number(1e3 * shortest)} ms; it is {number(1e3 * step)} ms.",
+        )
         return
     if shortest < step:
-        yield f"with time steps down to {number(shortest)} s it fails as well"
+        yield Reason(f"with time steps down to {number(shortest)} s it fails as well")

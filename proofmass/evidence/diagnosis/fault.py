@@ -11,7 +11,7 @@ from pathlib import Path
 
 from proofmass.base.lines import LineIndex, WrittenValue, key_value
 from proofmass.base.units import si_unit, split_quantity
-from proofmass.base.wording import format_fitted, format_unit
+from proofmass.base.wording import format_fitted, format_unit, number
 from proofmass.case.case import Case
 from proofmass.sim.elements import Number, Source, degrees_of, written_number
 
@@ -49,6 +49,8 @@ class Fault:
         What the change means, such as ``in degrees, not in radians``.
     error : float
         Standard error of the right value, where curves have noise [`unit`].
+    written : str
+        The line as it is; empty where `instead` is.
     """
 
     file: Path
@@ -61,6 +63,29 @@ class Fault:
     instead: str = ""
     note: str = ""
     error: float = 0.0
+    written: str = ""
+
+    @property
+    def diff(self) -> list[str]:
+        """The line as it is and as it should be, with its number; empty without such a line.
+
+        >>> lines = {"instead": "pos=2.5", "written": "pos=2.525"}
+        >>> Fault(Path("a.xml"), 33, "x", "m", 2.525, 2.5, **lines).diff
+        ['33 - pos=2.525', '33 + pos=2.5']
+        """
+        return [f"{self.line} - {self.written}", f"{self.line} + {self.instead}"] * bool(
+            self.instead
+        )
+
+    @property
+    def known(self) -> str:
+        """How exactly the curves tell the right value: ``± 1e-12 m``; empty if it was not fitted.
+
+        A value farther away would be noticed.
+        """
+        if not self.within or self.error:
+            return ""
+        return f"± {number(self.within, 1)} {format_unit(self.unit.removeprefix('1'))}".rstrip()
 
     @property
     def place(self) -> str:
@@ -189,6 +214,7 @@ def sidecar_fault(
         within,
         written.instead(text) if written else "",
         note,
+        written=written.line_text if written else "",
     )
 
 
@@ -226,7 +252,8 @@ def model_fault(
         wrong, right, within = math.degrees(wrong), math.degrees(right), math.degrees(within)
         wrong, right, unit = rounded_fit(wrong, 0.0), rounded_fit(right, within), "deg"
     line, instead = (written.line, instead_of(written, right)) if written else (None, "")
-    return Fault(case.model_path, line, name, unit, wrong, right, within, instead)
+    own = written.line_text if written else ""
+    return Fault(case.model_path, line, name, unit, wrong, right, within, instead, written=own)
 
 
 def instead_of(written: WrittenValue, right: float) -> str:

@@ -14,6 +14,7 @@ A search ends after a number of evaluations of the reference, or of steps of the
 clock changes: the same case has the same causes on a slow machine.
 """
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -296,6 +297,7 @@ class Residuals:
             changes or {},
             faults=tuple(faults),
             edits=edits,
+            ratio=max((float(np.abs(after[n]).max()) for n in explains), default=math.nan),
         )
 
 

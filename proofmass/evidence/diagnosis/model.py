@@ -25,6 +25,7 @@ from proofmass.evidence.diagnosis.fit import (
     Residuals,
     SearchBudget,
     fitted_causes,
+    largest,
     remaining_share,
     slopes_of,
 )
@@ -158,11 +159,12 @@ def mirrored_cause(model: ChangedModel, cause: Explanation) -> Explanation | Non
     for one in close[:MAX_MIRRORS]:
         right = float(np.copysign(stated, one.value * fitted * stated))
         edits = ((one, right - one.value),)
-        if model.lasts and (
-            mirror := model.judged(
-                MODEL_KIND, edits, [model.fault(one, right)], 1, {one.name: (one.value, right)}
-            )
-        ):
+        fault = model.fault(one, right)
+        # the error is that of the wrong number: the part of it that is allowed would not be noticed
+        share = abs(right - one.value) / largest(model.residuals.before) / abs(right)
+        fault = replace(fault, within=share * abs(float(fault.right)))
+        changes = {one.name: (one.value, right)}
+        if model.lasts and (mirror := model.judged(MODEL_KIND, edits, [fault], 1, changes)):
             found.append(mirror)
     best = max(found, key=lambda c: (c.score, -c.left), default=None)
     return best if best and best.score >= cause.score else None

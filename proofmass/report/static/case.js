@@ -782,7 +782,7 @@ function clicked(event) {
     save();
     find(`[data-engine="${CSS.escape(engine)}"]`).focus();
   } else if (copy !== undefined) {
-    copyText(find("code", target.parentElement).innerText, target);
+    copyText(copy || find("code", target.parentElement).innerText, target);
   }
 }
 
