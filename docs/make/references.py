@@ -16,6 +16,8 @@ from proofmass.reference.find import find_reference, reference_names
 SIDECAR_PAGE = ROOT / "docs" / "sidecar.md"
 TABLES_BEGIN = "<!-- python -m docs.make.references writes from here to the next mark: {} -->"
 TABLES_END = "<!-- to here: {} -->"
+LEAST_SERIES = 5
+"""Parameters that differ by a number, from which on only the first and the last are listed."""
 DOMAIN_PARTS = ("linkages", "planar", "spatial", "refined", "contacts", "balancer", "rods")
 """Parts of proofmass.analytic, in the order of the tables."""
 
@@ -39,12 +41,26 @@ def describe_parameter(parameter: Parameter) -> str:
     return f"{shown} [{parameter.unit}]" if parameter.unit not in ("", "1") else shown
 
 
+def describe_parameters(parameters: Iterable[Parameter]) -> list[str]:
+    """Parameters with their units; five or more that differ by a number at the end are one."""
+    groups = dict[str, list[Parameter]]()
+    for one in parameters:
+        groups.setdefault(one.name.rstrip("0123456789"), []).append(one)
+    found = []
+    for own in groups.values():
+        if len(own) < LEAST_SERIES:
+            found += map(describe_parameter, own)
+        else:
+            found.append(f"`{own[0].name}` to {describe_parameter(own[-1])}")
+    return found
+
+
 def parameters_table() -> str:
     """The references with what they are, and their parameters, as Markdown."""
     rows = [["reference", "mechanism", "parameters"], 3 * ["---"]]
     for name, reference in references():
         what = (getdoc(reference) or "").partition("\n")[0].rstrip(".")
-        parameters = ", ".join(map(describe_parameter, reference.parameters.values()))
+        parameters = ", ".join(describe_parameters(reference.parameters.values()))
         rows.append([f"`{name}`", what, parameters or "none: it reads the MJCF"])
     return as_table(rows)
 

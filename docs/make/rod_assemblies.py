@@ -28,12 +28,14 @@ from tests.independent.rods.chain_starts import (
     shot_equilibrium,
 )
 
-ASSEMBLIES, QUICK_ASSEMBLIES = 7, 1
-STARTS, QUICK_STARTS = 1000, 60  # random shapes of each assembly
+ASSEMBLIES, QUICK_ASSEMBLIES = 30, 1
+STARTS, QUICK_STARTS = (1000, 3000), (60, 60)  # random shapes of each assembly, least and most
+BATCH = 500  # of them
 LIMITS, QUICK_LIMITS = SearchLimits(2, 7.0, 1.0), SearchLimits(1, 4.0, 1.0)
 MARGIN = 0.02  # alpha by which a chain's equilibrium may exceed the limit, before it is shot
 SAME = 1e-4  # largest difference of unknowns of one equilibrium, in sizes of the rods
 Row = dict[str, Any]
+Starts = tuple[int, int]
 
 
 def random_assembly(seed: int) -> RodProblem:
@@ -108,20 +110,37 @@ def distance(problem: RodProblem, one: Array, other: Array) -> float:
 
 
 def chain_equilibria(
-    problem: RodProblem, limits: SearchLimits, starts: int, seed: int
-) -> list[Array]:
-    """Equilibria within limits to which chains and then shooting lead from random shapes."""
+    problem: RodProblem, limits: SearchLimits, starts: Starts, seed: int, ours: list[Array]
+) -> tuple[list[Array], int]:
+    """Equilibria within limits to which chains and then shooting lead from random shapes.
+
+    More than the least number of starts are made until all of the search's are reached.  Returns
+    the number of starts too.
+    """
     a, random = problem.assembly, np.random.default_rng(1000 + seed)
     found: list[Array] = []
-    for begin in range(0, starts, 500):
-        rests = chain_rests(problem, random_states(problem, min(500, starts - begin), random))
+    shot = set[tuple[float, ...]]()  # chains that led to shooting
+    for begin in range(0, starts[1], BATCH):
+        if begin >= starts[0] and reached(problem, ours, found).all():
+            return found, begin
+        count = min(BATCH, starts[1] - begin)
+        rests = chain_rests(problem, random_states(problem, count, random))
         force = np.hypot(rests.force[..., 0], rests.force[..., 1])
         alpha = np.sqrt(force * a.length**2 / a.stiffness).max(axis=1)
         near = np.flatnonzero(alpha < limits.alpha * (1.0 + MARGIN))
         rows = np.column_stack([rests.pose[:, :2], rests.force.reshape(len(force), -1) / 10.0])
-        first = np.unique(np.round(rows[near], 3), axis=0, return_index=True)[1]
-        found += shoot_chains(problem, rests, near[first], limits, found)
-    return found
+        keys = map(tuple, np.round(rows[near], 3) + 0.0)
+        new = {key: n for key, n in zip(keys, near, strict=True) if key not in shot}
+        shot |= new.keys()
+        found += shoot_chains(problem, rests, np.array([*new.values()], int), limits, found)
+    return found, starts[1]
+
+
+def reached(problem: RodProblem, ours: list[Array], theirs: list[Array]) -> Array:
+    """Which of our equilibria are among theirs."""
+    return np.array(
+        [any(distance(problem, one, two) < SAME for two in theirs) for one in ours], bool
+    )
 
 
 def shoot_chains(
@@ -138,17 +157,18 @@ def shoot_chains(
     return new
 
 
-def study(seed: int, limits: SearchLimits, starts: int) -> Row:
+def study(seed: int, limits: SearchLimits, starts: Starts) -> Row:
     """The row of one assembly."""
     problem, began = random_assembly(seed), time.process_time()
     a, found = problem.assembly, find_equilibria(problem, limits)
     searched = time.process_time()
     ours = [shot_unknowns(found, n) for n in range(len(found))]
     gaps = [float(np.abs(shoot(problem, one)).max()) for one in ours]
-    theirs = chain_equilibria(problem, limits, starts, seed)
-    reached = [any(distance(problem, one, two) < SAME for two in theirs) for one in ours]
+    theirs, count = chain_equilibria(problem, limits, starts, seed, ours)
     missed = [
-        one.tolist() for one in theirs if all(distance(problem, one, two) > SAME for two in ours)
+        one.tolist()
+        for one, known in zip(theirs, reached(problem, theirs, ours), strict=True)
+        if not known
     ]
     return {
         "seed": seed,
@@ -158,39 +178,43 @@ def study(seed: int, limits: SearchLimits, starts: int) -> Row:
         "found": len(found),
         "stable": int((found.index == 0).sum()),
         "gap": max(gaps, default=0.0),
-        "reached": int(np.sum(reached)),
+        "starts": count,
+        "reached": int(reached(problem, ours, theirs).sum()),
         "missed": missed,
         "search": searched - began,
         "chains": time.process_time() - searched,
     }
 
 
-def document(rows: list[Row], limits: SearchLimits, starts: int) -> str:
+def document(rows: list[Row], limits: SearchLimits, starts: Starts) -> str:
     """The text of the page, made of the rows."""
     total = sum(row["found"] for row in rows)
-    reached, missed = sum(row["reached"] for row in rows), sum(len(row["missed"]) for row in rows)
+    confirmed = sum(row["reached"] for row in rows)
+    missed = sum(len(row["missed"]) for row in rows)
     lines = [
         HEAD.format(
             assemblies=len(rows),
             inflections=limits.inflections,
             alpha=limits.alpha,
-            starts=starts,
+            least=starts[0],
+            most=starts[1],
             total=total,
-            reached=reached,
+            reached=confirmed,
             missed=missed,
             gap=max(row["gap"] for row in rows),
             search=sum(row["search"] for row in rows) / 60.0,
             chains=sum(row["chains"] for row in rows) / 60.0,
         ),
         "| no. | rods | clamped tips | couples | equilibria | stable | residual of shooting |"
-        " reached by chains | found by chains alone | search, CPU s | chains, CPU s |",
-        "|" + "---|" * 11,
+        " starts | reached by chains | found by chains alone | search, CPU s | chains, CPU s |",
+        "|" + "---|" * 12,
     ]
     for row in rows:
         lines.append(
             f"| {row['seed']} | {row['rods']} | {row['clamped']} | {row['couples']} | "
-            f"{row['found']} | {row['stable']} | {row['gap']:.0e} | {row['reached']} | "
-            f"{len(row['missed'])} | {row['search']:.0f} | {row['chains']:.0f} |"
+            f"{row['found']} | {row['stable']} | {row['gap']:.0e} | {row['starts']} | "
+            f"{row['reached']} | {len(row['missed'])} | {row['search']:.0f} | "
+            f"{row['chains']:.0f} |"
         )
     return "\n".join([*lines, ""])
 
@@ -205,9 +229,10 @@ between two clamps that turn by up to one turn.
 
 *Shooting* integrates the rods from their clamps by `scipy.integrate.solve_ivp`, without code of the
 search; its residual at the search's equilibria is {gap:.0e} of the sizes of the rods at most.
-*Chains* of 24 links with springs lead from {starts} random shapes of each assembly to rests, stable
-or not, and shooting leads from these to equilibria of the rods. They reach {reached} of the
-{total}, and {missed} that the search does not find.
+*Chains* of 24 links with springs lead from random shapes of each assembly to rests, stable or not,
+and shooting leads from these to equilibria of the rods: {least} shapes, and up to {most} until all
+equilibria of the search are reached. They reach {reached} of the {total}, and {missed} that the
+search does not find.
 
 The search takes {search:.1f} minutes of one core in all, and the chains with shooting {chains:.1f}.
 """
@@ -232,6 +257,7 @@ def main(argv: Sequence[str] | None = None) -> None:
                 if seed not in done:
                     rows.append(study(seed, limits, starts))
                     print(json.dumps(rows[-1]), file=out, flush=True)
+        rows.sort(key=lambda row: row["seed"])
         (docs / "rod_assemblies.md").write_text(document(rows, limits, starts))
 
 

@@ -1,11 +1,15 @@
 """Objects that distributions offer under a name: entry points of a group."""
 
 import sys
+import tomllib
 from functools import cache
 from importlib.metadata import EntryPoint, distributions
+from pathlib import Path
 from typing import Any
 
 OWN_DISTRIBUTION, GROUP_PREFIX = "proofmass", "proofmass."
+CHECKOUT = Path(__file__).parents[2]
+"""Folder of the package: a checkout of proofmass, if it has its `pyproject.toml`."""
 
 
 class NotLoaded(ValueError):
@@ -26,21 +30,39 @@ def entry_points_of(group: str) -> dict[str, tuple[EntryPoint, ...]]:
 def all_entry_points() -> tuple[EntryPoint, ...]:
     """Entry points of all groups of proofmass, those of this distribution first.
 
+    Those of this distribution are those of its checkout, of which an older state may be installed.
     The current folder, from which a Python session imports, may be a stranger's and is not
     searched.
     """
+    own = entry_points_of_checkout(CHECKOUT)
     found = [
         entry
         for each in distributions(path=[folder for folder in sys.path if folder])
+        if own is None or each.name != OWN_DISTRIBUTION
         for entry in each.entry_points
-        if entry.group.startswith(GROUP_PREFIX)
     ]
+    found = [entry for entry in (*(own or ()), *found) if entry.group.startswith(GROUP_PREFIX)]
     return tuple(sorted(found, key=lambda e: (distribution_of(e) != OWN_DISTRIBUTION, e.name)))
 
 
+def entry_points_of_checkout(folder: Path) -> tuple[EntryPoint, ...] | None:
+    """The entry points that a checkout of proofmass states; None for a folder that is none."""
+    try:
+        project = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))["project"]
+    except (OSError, ValueError, KeyError):
+        return None
+    if project.get("name") != OWN_DISTRIBUTION:
+        return None
+    return tuple(
+        EntryPoint(name, value, group)
+        for group, own in project.get("entry-points", {}).items()
+        for name, value in own.items()
+    )
+
+
 def distribution_of(entry: EntryPoint) -> str:
-    """The name of the distribution that has an entry point."""
-    return str(entry.dist.name) if entry.dist else ""
+    """The name of the distribution that has an entry point, of this one if none is installed."""
+    return str(entry.dist.name) if entry.dist else OWN_DISTRIBUTION
 
 
 def foreign_distribution(group: str, name: str) -> str:

@@ -1253,6 +1253,31 @@ def equilibria_command(
             "--output", "-o", help="Folder for CSV, JSON and a figure.", show_default="none"
         ),
     ] = None,
+    engine: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--engine",
+            help="Engine that starts from each shape, and where it comes to rest; can be given "
+            "several times.",
+            show_default="none",
+            metavar="NAME",
+        ),
+    ] = None,
+    cases: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for a case of each stable equilibrium, for proofmass check.",
+            show_default="none",
+        ),
+    ] = None,
+    number: Annotated[
+        list[int] | None,
+        typer.Option(
+            help="Equilibrium that gets a case; can be given several times.",
+            show_default="all stable ones",
+            metavar="NUMBER",
+        ),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
     force: ForceOption = False,
 ) -> None:
@@ -1262,7 +1287,9 @@ def equilibria_command(
     """
     from proofmass.commands.equilibria import run_equilibria
 
-    run_equilibria(model, inflections, alpha, turns, output, json)
+    run_equilibria(
+        model, inflections, alpha, turns, engine or [], output, cases, number or [], json
+    )
 
 
 @app.command("versions")

@@ -24,7 +24,7 @@ from proofmass.sim.mjcf import compile_model, leave_out_disabled, read_spec, rea
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol.failures import BadModel, Unsupported
 from proofmass.sim.protocol.run import Rod
-from proofmass.sim.rods import compile_without_rods
+from proofmass.sim.rods import chain, compile_without_rods, joint_names
 
 NORMAL_TOLERANCE = 1e-9
 """Component of a unit vector [1] below which it counts as zero."""
@@ -403,6 +403,8 @@ def compiled_values(source: Source, element: Element, place: Place) -> Any:
     if tag == "tendon":
         own = np.atleast_1d(getattr(full, COMPILED_FIELDS[tag, attribute])[i])
         return own if own[0] != own[-1] else own[:1]
+    if tag == "key" and attribute != "ctrl":
+        return own_key_values(source, i, attribute)
     if (tag, attribute) in COMPILED_FIELDS:
         model = full if tag == "equality" or attribute == "ctrl" else bare
         return getattr(model, COMPILED_FIELDS[tag, attribute])[i]
@@ -421,6 +423,18 @@ def compiled_values(source: Source, element: Element, place: Place) -> Any:
         return values if any(values[1:]) else values[:1]
     field = {"ref": bare.qpos0, "springref": bare.qpos_spring}[attribute]
     return [field[bare.jnt_qposadr[i]]]
+
+
+def own_key_values(source: Source, key: int, attribute: str) -> Array:
+    """Positions (nq,) or rates (nv,) of a key, `qpos` or `qvel`, without those of rods."""
+    values = getattr(source.full, COMPILED_FIELDS["key", attribute])[key]
+    if not source.rods:
+        return values
+    full = source.full
+    added = {full.joint(name).id for rod in source.rods for name in joint_names(chain(rod))}
+    is_own = np.array([j not in added for j in range(full.njnt)], bool)
+    starts = (full.jnt_qposadr, full.nq) if attribute == "qpos" else (full.jnt_dofadr, full.nv)
+    return np.asarray(values[np.repeat(is_own, np.diff(np.append(*starts)))])
 
 
 def changed_rods(

@@ -15,7 +15,15 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.sim.contents import SCALAR_JOINT_UNITS, joint_of, straight_tendon
-from proofmass.sim.elements import COMPILED_FIELDS, DOF_FIELDS, ModelElements, Number, Place, Source
+from proofmass.sim.elements import (
+    COMPILED_FIELDS,
+    DOF_FIELDS,
+    ModelElements,
+    Number,
+    Place,
+    Source,
+    own_key_values,
+)
 from proofmass.sim.mjcf import DISABLE_BITS, DISABLED_FIELDS
 
 CHANGE_SHARE = 0.1
@@ -421,6 +429,7 @@ def numbers_of_start(source: Source, sizes: Sizes) -> Iterator[Number]:
     model, key = source.bare, source.start
     if key < 0:
         return
+    poses, rates = (own_key_values(source, key, name) for name in ("qpos", "qvel"))
     for j in range(model.njnt):
         unit = SCALAR_JOINT_UNITS.get(mujoco.mjtJoint(int(model.jnt_type[j])))
         if unit is None:
@@ -428,9 +437,9 @@ def numbers_of_start(source: Source, sizes: Sizes) -> Iterator[Number]:
         name, own = element_name(model, "joint", j), 1.0 if unit == "rad" else sizes.length
         q, v = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
         place = Place("key", key, "qpos", q)
-        yield make_number("start value", name, float(model.key_qpos[key, q]), place, own, unit)
+        yield make_number("start value", name, float(poses[q]), place, own, unit)
         place, natural = Place("key", key, "qvel", v), own / sizes.time
-        value = float(model.key_qvel[key, v])
+        value = float(rates[v])
         yield make_number("start rate", name, value, place, natural, f"{unit}/s")
 
 

@@ -51,6 +51,46 @@ def test_a_shipped_case_is_read_from_its_model():
     assert rows[0]["x"] == pytest.approx(0.6223527, abs=1e-6)  # S3 of Table 7's problem
 
 
+def test_engines_and_cases_are_written_and_files_of_others_are_kept(pair, tmp_path):
+    cases, out = tmp_path / "cases", tmp_path / "out"
+    options = "--inflections", "1", "--engine", "mujoco", "--cases", str(cases), "--number", "2"
+    result = run(pair, *options, "-o", str(out))
+    assert result.exit_code == 0
+    assert (
+        "mujoco, started from the shape of each: stays in 3 of the 3 stable ones" in result.output
+    )
+    rows = json.loads((out / "equilibria.json").read_text())
+    assert [(row["mujoco"], row["mujoco.rests_in"]) for row in rows] == [
+        ("stays", n) for n in (1, 2, 3)
+    ]
+    names = sorted(file.name for file in cases.iterdir() if file.suffix in (".xml", ".toml"))
+    assert names == ["equilibrium2.toml", "equilibrium2.xml"]
+    assert run(pair, *options).exit_code == 0  # its own files are written again
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "equilibrium1.toml").write_text("# mine\n")
+    result = run(pair, "--inflections", "1", "--cases", str(other))
+    assert result.exit_code == 2
+    assert "proofmass did not write it" in result.output
+    assert (other / "equilibrium1.toml").read_text() == "# mine\n"
+
+
+@pytest.mark.parametrize(
+    ("options", "wrong"),
+    [
+        (("--number", "1"), "give --cases FOLDER"),
+        (("--cases", "new", "--number", "7"), "no equilibrium 7; there are 1 to 3"),
+        (("--engine", "mujocco"), "mujocco"),
+    ],
+)
+def test_wrong_options_write_nothing(pair, options, wrong, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run(pair, "--inflections", "1", *options)
+    assert result.exit_code == 2
+    assert wrong in result.output
+    assert not (tmp_path / "new").exists()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "wrong"),
     [

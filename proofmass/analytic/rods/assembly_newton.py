@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from proofmass.analytic.numerics import TURN
 from proofmass.analytic.rods.assembly import Assembly
 from proofmass.analytic.rods.tip_wrench import (
+    LinkRule,
     NaturalRods,
     StepRule,
     march_from_tip,
@@ -237,7 +238,15 @@ def march_segments(
     pieces = NaturalRods(rods.curvature + rods.slope * along, rods.slope, rods.weight)
     angle, moment = states[:, :, 0].T.ravel(), states[:, :, 1].T.ravel()
     count = -(-step_count(rods, force, states[:, 0, 1], rule) // SEGMENTS)
-    march = march_from_tip(pieces, loads, moment, angle, rule=count, length=share)
+    march = march_from_tip(
+        pieces,
+        loads,
+        moment,
+        angle,
+        rule=LinkRule(count) if isinstance(rule, LinkRule) else count,
+        length=share,
+        is_tip=along == 0.0,
+    )
     return tuple(  # type: ignore[return-value]
         np.moveaxis(part.reshape(5, SEGMENTS, n), 0, -1)
         for part in (march.base, march.angle, march.moment)

@@ -263,6 +263,12 @@ class RodEquilibria:
     def __len__(self) -> int:
         return len(self.state)
 
+    def only(self, n: int) -> "RodEquilibria":
+        """Equilibrium n alone."""
+        one = np.array([n])
+        parts = ("state", "clamp_moment", "energy", "potential", "index", "inflections", "alpha")
+        return replace(self, **{name: getattr(self, name)[one] for name in (*parts, "residual")})
+
     @property
     def is_bounded(self) -> bool:
         """Whether it is proven that no equilibrium has larger loads than those of the search."""
@@ -275,7 +281,7 @@ class RodEquilibria:
         ]
 
 
-def rod_path(problem: RodProblem, state: RodGuess, i: int, nodes: int) -> RodPath:
+def rod_path(problem: RodProblem, state: RodGuess, i: int, nodes: int | Array) -> RodPath:
     """Rod i of states (n,), in units of its length and stiffness but for the world's axes."""
     a, own = problem.assembly, state.own[:, i, :3] / problem.units(i)[:3]
     clamped = a.clamped[i]

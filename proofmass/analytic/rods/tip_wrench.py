@@ -32,8 +32,27 @@ import numpy as np
 from proofmass.analytic.rods.equilibrium import HINGE_SHARES, SEGMENT_SHARES
 from proofmass.base.arrays import Array, Complex
 
-StepRule = tuple[float, float] | int
-"""Steps of a rod, and steps for each unit of sqrt(N + M^2/4); or their number."""
+
+@dataclass(frozen=True)
+class LinkRule:
+    """Steps that are rigid links: the rod is replaced by a chain with springs in its hinges.
+
+    ::
+
+        clamp |--o----o----o----o--  tip       springs EI/h at h/2, 3h/2, ..., half links at both
+                   h                           ends; loads in the middles of the links
+
+    Attributes
+    ----------
+    count : int
+        Number of springs.
+    """
+
+    count: int
+
+
+StepRule = tuple[float, float] | int | LinkRule
+"""Steps of a rod, and steps for each unit of sqrt(N + M^2/4); or their number; or links."""
 FINE_STEPS = 4.0, 2.5
 """The rule of an error of 1e-11 of the length."""
 ROUGH_STEPS = 1.0, 0.35
@@ -41,6 +60,8 @@ ROUGH_STEPS = 1.0, 0.35
 ZERO_VALUE = 1e-8
 """Curvature [1/L] or field [1] that counts as zero, as of a straight rod: 1000 times the error of
 fine steps."""
+NODE_ROUNDING = 1e-9
+"""Share of a step that is rounding."""
 MAX_TIP_STEPS = 300
 """Largest number of steps; rods that need more are inaccurate, which their closure shows."""
 
@@ -85,7 +106,7 @@ class TippedRods:
 
 @dataclass(frozen=True)
 class RodPath:
-    """Rods (n,) at equally spaced nodes from the tip to the clamp.
+    """Rods (n,) at nodes from the tip to the clamp.
 
     Attributes
     ----------
@@ -125,6 +146,8 @@ def step_count(rods: NaturalRods, force: Complex, moment: Array, rule: StepRule)
     """Number of steps that the most bent rod of a batch needs, at most `MAX_TIP_STEPS`."""
     if isinstance(rule, int):
         return rule
+    if isinstance(rule, LinkRule):
+        return rule.count
     bend = np.abs(moment) + np.abs(rods.curvature) + np.abs(rods.slope)
     rate = np.sqrt(np.abs(force) + np.abs(rods.weight) + bend**2 / 4.0)
     return int(min(np.ceil(rule[0] + rule[1] * np.nanmax(rate, initial=0.0)), MAX_TIP_STEPS))
@@ -153,10 +176,13 @@ class TipMarch:
             self.turns -= step * self.bends
         self.way += step
 
-    def go(self, step: float) -> None:
-        """Go straight ahead along a step; the moment changes by the force's lever."""
+    def go(self, step: float, more: float | Array = 0.0) -> None:
+        """Go straight ahead along a step; the moment changes by the force's lever.
+
+        The force is that of the rod beyond, and the weight along `more` [L].
+        """
         ahead: Complex = step * np.exp(1j * self.angle)  # type: ignore[assignment]
-        load = np.conj(self.force + self.rods.weight * self.way)
+        load = np.conj(self.force + self.rods.weight * (self.way + more))
         self.position -= ahead
         bend = load * ahead
         self.moment -= bend.imag
@@ -173,6 +199,16 @@ class TipMarch:
             self.go(along * size)
         self.turn(HINGE_SHARES[-1] * size)
 
+    def link(self, size: float, more: float | Array = 0.0) -> None:
+        """Go over half a link, a hinge, and half of the next link, see `LinkRule`.
+
+        The weight of the first half is that of the whole link, whose middle lies at its tip; of
+        the half link at the tip of a rod a quarter of a link lies beyond, which is `more` [L].
+        """
+        self.go(size / 2.0, more)
+        self.turn(size)
+        self.go(size / 2.0)
+
 
 def march_from_tip(
     rods: NaturalRods,
@@ -183,6 +219,7 @@ def march_from_tip(
     rule: StepRule = FINE_STEPS,
     length: float = 1.0,
     slopes: bool = True,
+    is_tip: bool | Array = True,
 ) -> TippedRods:
     """Clamps of rods (n,) under a wrench on their tips, with derivatives if asked for.
 
@@ -193,6 +230,7 @@ def march_from_tip(
     rule : of the number of steps, such as `FINE_STEPS` and `ROUGH_STEPS`
     length : how far to go from the tip [L]
     slopes : whether to find the derivatives
+    is_tip : of bool, whether the first link of a chain is the half link at the tip [1]  (n,)
 
     Examples
     --------
@@ -205,8 +243,11 @@ def march_from_tip(
     """
     march = TipMarch(rods, force, moment, angle, slopes)
     count = step_count(rods, force, moment, rule)
-    for _ in range(count):
-        march.step(length / count)
+    for k in range(count):
+        if isinstance(rule, LinkRule):
+            march.link(length / count, length / count / 4.0 * is_tip if k == 0 else 0.0)
+        else:
+            march.step(length / count)
     base: Complex = march.position[None]
     angle, bend = march.angle[None], march.moment[None]
     if slopes:
@@ -217,15 +258,20 @@ def march_from_tip(
 
 
 def path_from_tip(
-    rods: NaturalRods, force: Complex, moment: Array, angle: Array, nodes: int
+    rods: NaturalRods, force: Complex, moment: Array, angle: Array, nodes: int | Array
 ) -> RodPath:
-    """Rods (n,) at this number of nodes from their tips to their clamps; see `march_from_tip`."""
+    """Rods (n,) at nodes from their tips to their clamps; see `march_from_tip`.
+
+    Nodes are a number of equally spaced ones, or rising distances from the tip [L].
+    """
     march = TipMarch(rods, force, moment, angle, True)
-    each = int(np.ceil(step_count(rods, force, moment, FINE_STEPS) / (nodes - 1)))
+    count = step_count(rods, force, moment, FINE_STEPS)
+    places = np.linspace(0.0, 1.0, nodes) if isinstance(nodes, int) else nodes
     rows = []
-    for node in range(nodes):
-        for _ in range(each if node else 0):
-            march.step(1.0 / (each * (nodes - 1)))
+    for way in np.diff(places, prepend=0.0):
+        steps = int(np.ceil(count * way - NODE_ROUNDING))
+        for _ in range(steps):
+            march.step(way / steps)
         couple = rods.slope * march.way
         curvature = march.moment + rods.curvature + couple
         rows.append(

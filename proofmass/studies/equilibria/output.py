@@ -9,6 +9,7 @@ from rich.table import Table
 
 from proofmass.analytic.rods.assembly_search import RodEquilibria
 from proofmass.base.wording import format_count, number
+from proofmass.studies.equilibria.engine_rests import ELSEWHERE, STAYS, EngineRest
 from proofmass.studies.equilibria.rod_input import RodInput
 
 MAX_PANELS_DRAWN = 60
@@ -20,7 +21,13 @@ DRAWN_NODES = 121
 STABLE_COLOUR, UNSTABLE_COLOUR, PLATFORM_COLOUR = "#0072B2", "#9A9A9A", "#D55E00"
 
 
-def equilibrium_rows(own: RodInput, found: RodEquilibria) -> list[dict[str, Any]]:
+EngineRests = dict[str, list[EngineRest]]
+"""Where engines come to rest from the shape of each equilibrium, by engine."""
+
+
+def equilibrium_rows(
+    own: RodInput, found: RodEquilibria, rests: EngineRests
+) -> list[dict[str, Any]]:
     """One row of numbers in SI units for each equilibrium, the lowest potential first."""
     a, state = found.problem.assembly, found.state
     rows = []
@@ -44,17 +51,22 @@ def equilibrium_rows(own: RodInput, found: RodEquilibria) -> list[dict[str, Any]
                 f"{name}.tip_moment": float(state.own[n, i, 2]) if a.clamped[i] else 0.0,
                 f"{name}.clamp_moment": float(found.clamp_moment[n, i]),
             }
-        rows.append(row | {"residual": float(found.residual[n])})
+        row["residual"] = float(found.residual[n])
+        for engine, ends in rests.items():
+            row[engine] = ends[n].words
+            row[f"{engine}.rests_in"] = ends[n].number
+            row[f"{engine}.distance"] = ends[n].distance if ends[n].is_run else None
+        rows.append(row)
     return rows
 
 
-def equilibrium_table(found: RodEquilibria) -> Table:
+def equilibrium_table(found: RodEquilibria, rests: EngineRests) -> Table:
     """The table of the terminal."""
     a, state = found.problem.assembly, found.state
     table = Table(box=None, header_style="bold", pad_edge=False)
     heads = ["no.", "stability", "V [J]", "bending [J]", "x [m]", "y [m]"]
     heads += ["phi [deg]"] if a.dof == 3 else []
-    heads += ["inflections", "largest alpha", "clamp moments [N m]"]
+    heads += ["inflections", "largest alpha", "clamp moments [N m]", *rests]
     for head in heads:
         table.add_column(head, justify="left" if head == "stability" else "right")
     for n in range(len(found)):
@@ -65,6 +77,7 @@ def equilibrium_table(found: RodEquilibria) -> Table:
         cells.append(", ".join(map(str, found.inflections[n])))
         cells.append(f"{found.alpha[n].max():.2f}")
         cells.append(", ".join(number(value, 3) for value in found.clamp_moment[n]))
+        cells += [ends[n].words.partition(":")[0] for ends in rests.values()]
         table.add_row(*cells, style="bold" if found.index[n] == 0 else None)
     return table
 
@@ -93,11 +106,48 @@ def summary_lines(own: RodInput, found: RodEquilibria) -> list[str]:
     return lines
 
 
+def rest_lines(found: RodEquilibria, rests: EngineRests) -> list[str]:
+    """How many equilibria engines come to rest in, and why some were not run, as sentences."""
+    stable, lines = found.index == 0, []
+    for engine, ends in rests.items():
+        run = np.array([end.is_run for end in ends])
+        stays = np.array([end.words == STAYS for end in ends])
+        line = (
+            f"{engine}, started from the shape of each: stays in {int((stays & stable).sum())} of "
+            f"the {int((run & stable).sum())} stable ones, and leaves "
+            f"{int((~stays & run & ~stable).sum())} of the {int((run & ~stable).sum())} unstable "
+            "ones"
+        )
+        elsewhere = [n + 1 for n, end in enumerate(ends) if end.words == ELSEWHERE]
+        if elsewhere:
+            line += f"; from no. {format_numbers(elsewhere)} it goes to a rest that is none of them"
+        lines.append(line + ".")
+        for why in dict.fromkeys(end.words for end in ends if not end.is_run):
+            numbers = [n + 1 for n, end in enumerate(ends) if end.words == why]
+            lines.append(f"{engine}, no. {format_numbers(numbers)}: {why}")
+    return lines
+
+
+def format_numbers(numbers: list[int]) -> str:
+    """Rising numbers as text, three or more in a row as a range.
+
+    >>> format_numbers([1, 2, 3, 5, 7, 8])
+    '1 to 3, 5, 7, 8'
+    """
+    rows = [
+        [numbers[k] for k in own]
+        for own in np.split(np.arange(len(numbers)), np.flatnonzero(np.diff(numbers) != 1) + 1)
+    ]
+    return ", ".join(
+        f"{row[0]} to {row[-1]}" if len(row) > 2 else ", ".join(map(str, row)) for row in rows
+    )
+
+
 def completeness(found: RodEquilibria) -> str:
     """Which part of the completeness is proven, and which is tested, as a sentence."""
     if not found.problem.assembly.is_plain:
         return (
-            "Completeness is not proven: no bound of the loads is known. In seven random "
+            "Completeness is not proven: no bound of the loads is known. In thirty random "
             "assemblies with loads up to R = 7² EI/L² random starts of an independent method "
             "found no other equilibrium (docs/rod_assemblies.md); with larger loads random starts "
             "may miss some."
@@ -122,7 +172,7 @@ def equilibria_csv(rows: list[dict[str, Any]]) -> str:
     return text.getvalue()
 
 
-def draw_equilibria(own: RodInput, found: RodEquilibria, ending: str) -> bytes:
+def draw_equilibria(own: RodInput, found: RodEquilibria, rests: EngineRests, ending: str) -> bytes:
     """A figure with a panel for each equilibrium, stable ones bold, all at the same scale."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -139,7 +189,8 @@ def draw_equilibria(own: RodInput, found: RodEquilibria, ending: str) -> bytes:
     with rc_context(RC):
         rows = -(-shown // columns)
         ratio = (size[1] + 2 * margin) / (size[0] + 2 * margin)
-        figure = Figure((8.0, rows * (8.0 / columns * ratio + 0.35) + 0.4), layout="constrained")
+        title = 0.35 + 0.12 * len(rests)
+        figure = Figure((8.0, rows * (8.0 / columns * ratio + title) + 0.4), layout="constrained")
         panels = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
         for n, axes in enumerate(panels):
             axes.set_axis_off()
@@ -164,13 +215,24 @@ def draw_equilibria(own: RodInput, found: RodEquilibria, ending: str) -> bytes:
                 aspect="equal",
             )
             axes.set_title(
-                f"{n + 1}: {format_stability(int(found.index[n]))}, {number(found.potential[n])} J",
+                "\n".join(
+                    [
+                        f"{n + 1}: {format_stability(int(found.index[n]))}, "
+                        f"{number(found.potential[n])} J",
+                        *(f"{name}: {ends[n].words[:24]}" for name, ends in rests.items()),
+                    ]
+                ),
                 fontsize=7,
                 fontweight="bold" if stable else "normal",
             )
         more = "" if shown == len(found) else f", the lowest {shown} of them drawn"
         figure.suptitle(
-            f"{own.title}: {len(found)} equilibria, {int((found.index == 0).sum())} stable{more}",
+            f"{own.title}: {len(found)} equilibria, {int((found.index == 0).sum())} stable{more}"
+            + (
+                f"\n{', '.join(rests)}: where the engine comes to rest from this shape"
+                if rests
+                else ""
+            ),
             fontsize=9,
         )
         image = BytesIO()
