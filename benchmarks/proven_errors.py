@@ -83,6 +83,7 @@ def prove(run: CaseRun) -> ProvenRun | str:
         half_width,
         proof.by_kind(case),
         proof.not_covered,
+        proof.continuous,
     )
 
 
@@ -116,9 +117,14 @@ def extend_table(runs: Sequence[CaseRun], table: ProvenTable, again: bool, store
 
 def format_row(found: ProvenRun, seconds: float) -> str:
     """The errors of a run, and the processor time of its proof, in words."""
-    errors = ", ".join(f"{kind} {error:.0e}" for kind, error in found.errors.items())
+    errors = ", ".join(f"{kind} {format_share(error)}" for kind, error in found.errors.items())
     missing = f"; {len(found.not_covered)} channels not covered" if found.not_covered else ""
     return f"{errors}; {1e3 * seconds / found.samples:.1f} ms a sample{missing}"
+
+
+def format_share(error: float) -> str:
+    """An error with one digit; 0 if all values are exact."""
+    return f"{error:.0e}" if error else "0"
 
 
 def write_table(table: ProvenTable) -> None:
@@ -132,7 +138,7 @@ def write_table(table: ProvenTable) -> None:
 
 
 def case_rows(table: ProvenTable) -> str:
-    """A row for each proven case: the larger error of its runs, by kind."""
+    """A row for each proven case: the largest error of its runs, by kind."""
     heads = ["case", "runs", "samples", *KINDS, "continuous"]
     lines = [f"| {' | '.join(heads)} |", "|" + " --- |" * len(heads)]
     for case in dict.fromkeys(label.partition(" ")[0] for label in table.runs):
@@ -141,7 +147,7 @@ def case_rows(table: ProvenTable) -> str:
             max((run.errors[kind] for run in own.values() if kind in run.errors), default=None)
             for kind in KINDS
         ]
-        cells = ["" if one is None else f"{one:.0e}" for one in errors]
+        cells = ["" if one is None else format_share(one) for one in errors]
         samples = ", ".join(str(run.samples) for run in own.values())
         proven = ", ".join(kind for kind, run in own.items() if run.continuous)
         lines.append(f"| {' | '.join([case, ', '.join(own), samples, *cells, proven])} |")

@@ -12,6 +12,7 @@ from tests.independent.balls.loops import (
     IMAGINARY,
     AppliedLoad,
     CaseNumbers,
+    DryFriction,
     Form,
     Inertia,
     Loops,
@@ -65,6 +66,13 @@ def slider_crank(p: CaseNumbers, u: Variables, q: Variables, whole: bool) -> Loo
     loops.add_point("point", crank + turn(q[0]) * p.complex("point_along", "point_across"))
     add_crank_and_slider(loops, p, u[0], q[0], slider, guide, p["slider_load"])
     loops.loads.append(AppliedLoad(acb(arb(p["slider_load"])), q[1]))
+    bearing, pin, rub = (arb(p[f"{name}_friction"]) for name in ("crank", "pin", "slider"))
+    if bearing != 0 or pin != 0 or rub != 0:
+        loops.frictions = [
+            DryFriction(bearing, u[0], "crank"),
+            DryFriction(pin, q[0] - u[0], "coupler", "crank"),
+            DryFriction(rub, q[1], reaction="guide_force"),
+        ]
     return loops
 
 

@@ -7,6 +7,7 @@ drives and unknowns are series in time, or in one of the unknowns.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Any
 
 from flint import acb, acb_series, arb, arb_mat, ctx
@@ -34,9 +35,13 @@ class CaseNumbers(Mapping[str, Any]):
     about another mechanism.
     """
 
-    def __init__(self, given: Mapping[str, Any]) -> None:
+    def __init__(self, given: Mapping[str, Any], asked: set[str] | None = None) -> None:
         self.given = dict(given)
-        self.asked = {"mode"}
+        self.asked = {"mode"} if asked is None else asked
+
+    def with_values(self, changed: Mapping[str, Any]) -> "CaseNumbers":
+        """The numbers with others in their places, of which it is known which were asked for."""
+        return CaseNumbers({**self.given, **changed}, self.asked)
 
     def __getitem__(self, name: str) -> Any:
         self.asked.add(name)
@@ -54,8 +59,12 @@ class CaseNumbers(Mapping[str, Any]):
 
     @property
     def unused(self) -> list[str]:
-        """Names of the parameters that are not 0 and were not asked for."""
-        return sorted(name for name, one in self.given.items() if one and name not in self.asked)
+        """Names of the parameters that are neither 0 nor infinite, and were not asked for."""
+        return sorted(
+            name
+            for name, one in self.given.items()
+            if name not in self.asked and isinstance(one, float | int) and one and isfinite(one)
+        )
 
 
 GROUND = ""
@@ -91,6 +100,21 @@ class AppliedLoad:
 
 
 @dataclass(frozen=True)
+class DryFriction:
+    """A constant friction against the change of an angle [N m] or of a length [N].
+
+    `on` and `by` are the bodies that turn against each other.  A friction along a guide has no
+    bodies, but the name of the reaction to whose given part it belongs.
+    """
+
+    largest: arb
+    along: acb_series
+    on: str = GROUND
+    by: str = GROUND
+    reaction: str = ""
+
+
+@dataclass(frozen=True)
 class Reaction:
     """What one body applies to another at a point: a force in the frame of an angle.
 
@@ -114,8 +138,8 @@ class Loops:
 
     Attributes
     ----------
-    loops : list
-        Complex series that are zero.
+    loops, scalars : list
+        Series that are zero: complex ones, and those of which only the real part counts.
     moments : dict
         Names of the holding moments or forces, and the numbers of their drives.
     channels : dict
@@ -126,6 +150,7 @@ class Loops:
         Empty if forces between bodies are not asked for.
     motors : dict
         Names of moments of drives, and the bodies that they turn.
+    frictions : list of DryFriction
     """
 
     loops: list[acb_series]
@@ -135,6 +160,13 @@ class Loops:
     loads: list[AppliedLoad] = field(default_factory=list)
     reactions: list[Reaction] = field(default_factory=list)
     motors: dict[str, str] = field(default_factory=dict)
+    frictions: list[DryFriction] = field(default_factory=list)
+    scalars: list[acb_series] = field(default_factory=list)
+
+    def terms(self, order: int) -> list[arb]:
+        """The terms of one order of all that is zero: real and imaginary parts in turn."""
+        parts = [part for one in self.loops for part in (one[order].real, one[order].imag)]
+        return parts + [one[order].real for one in self.scalars]
 
     @property
     def bodies(self) -> list[str]:
@@ -204,46 +236,61 @@ def unit_vector(place: int, count: int) -> list[arb]:
     return [arb(int(k == place)) for k in range(count)]
 
 
-def terms_of(loops: Iterable[acb_series], order: int) -> list[arb]:
-    """The terms of one order of all loops, real and imaginary parts beside each other."""
-    return [part for loop in loops for part in (loop[order].real, loop[order].imag)]
-
-
 def jacobian(
     form: Form, p: CaseNumbers, drives: Sequence[acb_series], unknowns: Sequence[arb]
 ) -> arb_mat:
     """The derivatives of the loops by the unknowns, from terms of first order of a series."""
     count = len(unknowns)
     columns = [
-        terms_of(form(p, drives, series(unknowns, unit_vector(j, count)), False).loops, 1)
+        form(p, drives, series(unknowns, unit_vector(j, count)), False).terms(1)
         for j in range(count)
     ]
     return arb_mat([list(row) for row in zip(*columns, strict=True)])
 
 
-def krawczyk_image(
-    form: Form, p: CaseNumbers, drives: Sequence[acb_series], box: Sequence[arb]
-) -> list[arb]:
-    """The image K(X) = m - Y F(m) + (1 - Y F'(X)) (X - m) of a box X about m.
+def drive_slopes(
+    form: Form, p: CaseNumbers, drives: Sequence[arb], unknowns: Sequence[arb]
+) -> arb_mat:
+    """The derivatives of the loops by the drives."""
+    still, count = constants(unknowns), len(drives)
+    columns = [
+        form(p, series(drives, unit_vector(j, count)), still, False).terms(1) for j in range(count)
+    ]
+    return arb_mat([list(row) for row in zip(*columns, strict=True)])
 
-    If the image is inside the box, the loops F close at exactly one pose in the box, which is in
-    the image as well.  Y is about the inverse of F'(m).
+
+def offsets(box: Sequence[arb], middle: Sequence[arb]) -> arb_mat:
+    """The box as seen from its middle."""
+    return column(one - two for one, two in zip(box, middle, strict=True))
+
+
+def krawczyk_image(
+    form: Form, p: CaseNumbers, drives: Sequence[arb], box: Sequence[arb]
+) -> list[arb]:
+    """The image K(X) = m - Y F(m, U) + (1 - Y F'(X, U)) (X - m) of a box X about m, for drives U.
+
+    If the image is inside the box, the loops F close at exactly one pose in the box for each value
+    of the drives, and these poses are in the image.  Y is about the inverse of F'.  F(m, U) is
+    F(m, u) + dF/du(m, U) (U - u), with the middle u of U, whose product with Y is that of slopes.
 
     R. Krawczyk, Newton-Algorithmen zur Bestimmung von Nullstellen mit Fehlerschranken, Computing 4
     (1969) 187-201; R. E. Moore, A test for existence of solutions to nonlinear systems, SIAM J.
     Numer. Anal. 14 (1977) 611-615.
     """
     middle, count = [one.mid() for one in box], len(box)
-    inverse = jacobian(form, p, drives, middle).inv().mid()
-    step = inverse * column(terms_of(form(p, drives, constants(middle), False).loops, 0))
+    values, given = [one.mid() for one in drives], constants(drives)
+    inverse = jacobian(form, p, constants(values), middle).inv().mid()
+    step = inverse * column(form(p, constants(values), constants(middle), False).terms(0))
+    if any(one.rad() for one in drives):
+        slopes = drive_slopes(form, p, drives, middle)
+        step += (inverse * slopes) * offsets(drives, values)
     unit = arb_mat(count, count, [int(i == j) for i in range(count) for j in range(count)])
-    offsets = column(one - two for one, two in zip(box, middle, strict=True))
-    spread = (unit - inverse * jacobian(form, p, drives, box)) * offsets
+    spread = (unit - inverse * jacobian(form, p, given, box)) * offsets(box, middle)
     return [middle[i] - step[i, 0] + spread[i, 0] for i in range(count)]
 
 
 def prove_pose(
-    form: Form, p: CaseNumbers, drives: Sequence[acb_series], guess: Sequence[float]
+    form: Form, p: CaseNumbers, drives: Sequence[arb], guess: Sequence[float]
 ) -> tuple[list[arb], float]:
     """The only pose near a guess as balls, and the half width of the box in which it is alone.
 
@@ -270,16 +317,16 @@ def prove_pose(
 def approximate_pose(
     form: Form,
     p: CaseNumbers,
-    drives: Sequence[acb_series],
+    drives: Sequence[arb],
     guess: Sequence[float],
     steps: int = 8,
 ) -> list[float]:
     """A pose by Newton's method from a guess, without proof."""
     ctx.cap = 2
-    pose = [arb(float(one)) for one in guess]
+    pose, given = [arb(float(one)) for one in guess], constants(drives)
     for _ in range(steps):
-        residual = column(terms_of(form(p, drives, constants(pose), False).loops, 0))
-        step = jacobian(form, p, drives, pose).solve(residual)
+        residual = column(form(p, given, constants(pose), False).terms(0))
+        step = jacobian(form, p, given, pose).solve(residual)
         pose = [(one - step[i, 0]).mid() for i, one in enumerate(pose)]
         if all(abs(one) < NEAR for (one,) in step.tolist()):
             break

@@ -9,16 +9,19 @@ from tests.independent.balls.loops import (
     CaseNumbers,
     Form,
     Loops,
+    NotProven,
     column,
     constants,
     dot,
     jacobian,
     series,
-    terms_of,
 )
 from tests.independent.balls.reactions import balance_bodies, check_moments
 
 FACTORIALS = 1, 1, 2
+REST_RATE, MOVING_RATE = 1e-13, 1e-6
+"""Rates [rad/s or m/s] below which a part is at rest, and above which it moves: a drive that turns
+back has a rate of 1e-16 there by rounding."""
 
 
 def balls_of_pose(
@@ -28,7 +31,8 @@ def balls_of_pose(
     pose: Sequence[arb],
     gravity: arb,
     inertia: bool,
-) -> dict[str, arb]:
+    senses: Sequence[int] = (),
+) -> tuple[dict[str, arb], list[int]]:
     """All curves of a mechanism at one sample, as balls.
 
     Parameters
@@ -43,15 +47,20 @@ def balls_of_pose(
         Acceleration of free fall, along -y [m/s^2].
     inertia : bool
         Whether moments include those of accelerations.
+    senses : sequence of int
+        Senses in which the parts with dry friction moved before: -1, +1, or 0 before they move.
 
     Returns
     -------
-    dict of arb
+    curves : dict of arb
         By the name of the curve [SI].
+    senses : list of int
+        The senses after this sample.
     """
     ctx.cap = 3
     slopes = jacobian(form, p, constants(one[0] for one in drives), pose)
     moved = move_loops(form, p, drives, pose, slopes)
+    senses = senses_of(moved, senses)
     found = {
         name: getattr(one[order], part) * FACTORIALS[order]
         for name, (one, order, part) in moved.channels.items()
@@ -60,10 +69,32 @@ def balls_of_pose(
         unit = [acb_series([acb(one[0]), acb(int(i == number))]) for i, one in enumerate(drives)]
         virtual = form(p, unit, series(pose, first_order(form, p, unit, pose, slopes)), True)
         found[name] = virtual_power(moved, virtual, gravity, inertia)
+        for sense, one in zip(senses, virtual.frictions, strict=True):
+            found[name] += sense * one.largest * one.along[1].real
     if moved.reactions:
-        forces = balance_bodies(moved, gravity, inertia)
+        forces = balance_bodies(moved, gravity, inertia, senses)
         check_moments(forces, found)
         found = forces | found
+    return found, senses
+
+
+def senses_of(moved: Loops, before: Sequence[int]) -> list[int]:
+    """The sense in which each part with dry friction moves; at rest the one before.
+
+    Raises
+    ------
+    NotProven
+        A rate is too small to be a motion, and too large to be none.
+    """
+    found = []
+    for k, one in enumerate(moved.frictions):
+        rate = one.along[1].real
+        if abs(rate) < REST_RATE:
+            found.append(before[k] if before else 0)
+        elif abs(rate) > MOVING_RATE:
+            found.append(1 if rate > 0 else -1)
+        else:
+            raise NotProven(f"a rate of {rate} with dry friction")
     return found
 
 
@@ -79,7 +110,7 @@ def first_order(
     order = 1 if known is None else 2
     given = [pose] if known is None else [pose, known]
     still = [arb(0)] * len(pose)
-    rest = terms_of(form(p, drives, series(*given, still), False).loops, order)
+    rest = form(p, drives, series(*given, still), False).terms(order)
     return [-one for (one,) in slopes.solve(column(rest)).tolist()]
 
 

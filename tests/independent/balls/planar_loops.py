@@ -15,7 +15,7 @@ from proofmass.reference.case_model import compiled_model
 from tests.independent.balls.linkages import Variables
 from tests.independent.balls.loops import CaseNumbers, Inertia, Loops, NotProven, squared, turn
 
-SENSOR, OBJECT = mujoco.mjtSensor, mujoco.mjtObj
+SENSOR, OBJECT, EQUALITY = mujoco.mjtSensor, mujoco.mjtObj, mujoco.mjtEq
 POINT_SENSORS = SENSOR.mjSENS_FRAMEPOS, SENSOR.mjSENS_FRAMELINVEL, SENSOR.mjSENS_FRAMELINACC
 ANGLE_SENSORS = SENSOR.mjSENS_FRAMEXAXIS, SENSOR.mjSENS_FRAMEANGVEL, SENSOR.mjSENS_FRAMEANGACC
 JOINT_SENSORS = SENSOR.mjSENS_JOINTPOS, SENSOR.mjSENS_JOINTVEL, SENSOR.mjSENS_USER
@@ -47,8 +47,10 @@ class PlanarLoops:
             frames[body][0] + frames[body][1] * vector(at)
             for body, at in zip(m.site_bodyid, m.site_pos, strict=True)
         ]
-        ends = zip(m.eq_obj1id, m.eq_obj2id, strict=True)
-        found = Loops([sites[one] - sites[two] for one, two in ends])
+        connects = [k for k in range(m.neq) if m.eq_type[k] == EQUALITY.mjEQ_CONNECT]
+        gears = [k for k in range(m.neq) if m.eq_type[k] == EQUALITY.mjEQ_JOINT]
+        found = Loops([sites[m.eq_obj1id[k]] - sites[m.eq_obj2id[k]] for k in connects])
+        found.scalars = [self.gear(k, values) for k in gears]
         if not whole:
             return found
         for body in range(1, m.nbody):
@@ -59,6 +61,16 @@ class PlanarLoops:
             found.masses.append(Inertia(m.body(body).name, mass, centre, inertia, angle))
         self.add_sensors(found, values, frames, sites)
         return found
+
+    def gear(self, k: int, values: dict[int, acb_series]) -> acb_series:
+        """The error of the gear between the joints of the equality number k."""
+        m = self.model
+        one, two = (
+            values[joint] - acb(float(m.qpos0[m.jnt_qposadr[joint]]))
+            for joint in (m.eq_obj1id[k], m.eq_obj2id[k])
+        )
+        shift, ratio = (acb(float(number)) for number in m.eq_data[k][:2])
+        return one - shift - ratio * two
 
     def frames(
         self, values: dict[int, acb_series], zero: acb_series
@@ -125,7 +137,7 @@ def planar_loops(case: Case) -> tuple[PlanarLoops, list[float], float]:
     driven = [m.joint(one.joint).id for one in case.drive]
     free = [joint for joint in range(m.njnt) if joint not in driven]
     if not free or not m.neq:
-        raise NotProven("the model has no loops")
+        raise NotProven("joints move freely beside the drives: the reference integrates them")
     start = m.key(case.start).qpos
     guess = [float(start[m.jnt_qposadr[joint]]) for joint in free]
     return PlanarLoops(m, tuple(driven), tuple(free)), guess, -float(m.opt.gravity[1])
@@ -133,12 +145,14 @@ def planar_loops(case: Case) -> tuple[PlanarLoops, list[float], float]:
 
 def require_covered(m: mujoco.MjModel) -> None:
     """Raise NotProven for an element that `PlanarLoops` does not model."""
-    if np.any(m.eq_type != mujoco.mjtEq.mjEQ_CONNECT) or np.any(m.eq_objtype != OBJECT_TYPES[0]):
-        raise NotProven("loops other than connect between sites")
+    connects = (m.eq_type == EQUALITY.mjEQ_CONNECT) & (m.eq_objtype == OBJECT_TYPES[0])
+    gears = (m.eq_type == EQUALITY.mjEQ_JOINT) & ~m.eq_data[:, 2:5].any(axis=1)
+    if not np.all(connects | (gears & (m.eq_obj2id >= 0))):
+        raise NotProven("loops other than connect between sites, and gears of another kind")
     axes = np.where(m.jnt_type == mujoco.mjtJoint.mjJNT_HINGE, np.abs(m.jnt_axis[:, 2]), 1.0)
     if np.any(axes != 1.0) or np.any(m.body_quat[:, 1:3]) or np.any(m.opt.gravity[[0, 2]]):
         raise NotProven("joints about other axes than z, turned bodies, or gravity not along y")
     if m.ntendon or np.any(m.jnt_stiffness) or np.any(m.dof_armature):
-        raise NotProven("tendons, springs or armature")
+        raise NotProven("tendons, springs or armature of a model are not written in balls")
     if np.any(m.dof_damping) or np.any(m.dof_frictionloss):
         raise NotProven("dampers or dry friction")

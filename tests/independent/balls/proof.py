@@ -18,21 +18,26 @@ from proofmass.case.case import Case, Channel
 from proofmass.case.drive import DriveState
 from proofmass.reference.evaluate import evaluate, reference_quantities
 from proofmass.reference.find import reference_class
+from proofmass.reference.profiles import DRIVE_PREFIX, load_profiles
 from proofmass.reference.proven import prescribed_motion
 from proofmass.reference.reference_curves import ReferenceCurves
 from proofmass.report.words import quantity_kind
 from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import scale_of
+from tests.independent.balls.chains import make_chain, segments_of
+from tests.independent.balls.continuity import ProvenPose, is_continuous
+from tests.independent.balls.free_motions import FREE_MOTIONS
+from tests.independent.balls.hysteresis import ALONG_A_DRIVE
 from tests.independent.balls.linkages import FORMS
 from tests.independent.balls.loops import (
     CaseNumbers,
     NotProven,
     approximate_pose,
-    constants,
     prove_pose,
 )
 from tests.independent.balls.motion import balls_of_pose
 from tests.independent.balls.planar_loops import planar_loops
+from tests.independent.balls.rods import cantilever
 
 UPWARD = 1.0 + 1e-12
 """Factor against the rounding of the few float64 operations after the ball arithmetic."""
@@ -54,12 +59,15 @@ class Proof:
         Number of samples [1].
     not_covered : tuple of str
         Channels of the run without a bound.
+    continuous : bool
+        Whether one branch is proven to lead from each sample to the next.
     """
 
     errors: dict[str, float]
     alone_within: float
     samples: int
     not_covered: tuple[str, ...]
+    continuous: bool = False
 
     def by_kind(self, case: Case) -> dict[str, float]:
         """The largest errors of all channels of a kind, rounded up to one digit [1]."""
@@ -80,15 +88,35 @@ def round_up(error: float) -> float:
 
 
 INTEGRATED = "the reference integrates equations of motion"
+SHOT = "rods that are found by shooting are not written in balls"
+PAIRS = "curves of pairs of rods are not written in balls"
+PLATFORMS = "rods below a platform are not written in balls"
+IN_SPACE = "mechanisms in space are not written in balls"
 WITHOUT_PROOF = {
     "refined": INTEGRATED,
     "rod_released": INTEGRATED,
     "slider_crank_elastic": INTEGRATED,
-    "rocking_block": INTEGRATED,
+    "spatial": IN_SPACE,
+    "spatial_rod": SHOT,
+    "rod_pinned": SHOT,
+    "rod_snap": SHOT,
+    **dict.fromkeys(("rod_pair", "rod_pair_driven"), PAIRS),
+    **dict.fromkeys(("rod_platform", "rod_platform_driven"), PLATFORMS),
 }
 """Why nothing can be proven of some references."""
-ExactSample = tuple[dict[str, arb], float]
-"""The balls of all curves at a sample, and the half width of the box with one pose."""
+
+
+@dataclass(frozen=True)
+class ExactSample:
+    """The balls of all curves at a sample [SI], and what is known of its pose.
+
+    `half_width` is that of the box with one pose; `continuous` whether one branch leads to it from
+    the sample before.
+    """
+
+    curves: dict[str, arb]
+    half_width: float = inf
+    continuous: bool = False
 
 
 def prove_errors(case: Case, kind: Kind, curves: ReferenceCurves | None = None) -> Proof:
@@ -105,11 +133,12 @@ def prove_errors(case: Case, kind: Kind, curves: ReferenceCurves | None = None) 
     given = curves or evaluate(case, kind, x, state)
     scales = scales_of_channels(case, kind, given, state)
     errors: dict[str, float] = {}
-    missing, least, count = set[str](), inf, 0
-    for k, (exact, half_width) in enumerate(samples):
-        least, count = min(least, half_width), count + 1
-        for name, channel in case.channels_of(kind).items():
-            if (ball := ball_of_channel(name, channel, exact)) is None:
+    missing, least, count, continuous = set[str](), inf, 0, True
+    for k, sample in enumerate(samples):
+        least, count = min(least, sample.half_width), count + 1
+        continuous = continuous and sample.continuous
+        for name, channel in compared_channels(case, kind).items():
+            if (ball := ball_of_channel(name, channel, sample.curves)) is None:
                 missing.add(name)
                 continue
             error = distance(float(given.channels[name][k]), ball, channel) / scales[name]
@@ -118,14 +147,23 @@ def prove_errors(case: Case, kind: Kind, curves: ReferenceCurves | None = None) 
         raise NotProven(f"parameters without a part in the proof: {', '.join(numbers.unused)}")
     if count != x.size:
         raise NotProven(f"{count} of {x.size} samples have exact values")
-    return Proof(errors, least, count, tuple(sorted(missing)))
+    return Proof(errors, least, count, tuple(sorted(missing)), continuous)
+
+
+def compared_channels(case: Case, kind: Kind) -> dict[str, Channel]:
+    """The channels of a run but for those that equal the prescribed motion, which is given."""
+    return {
+        name: channel
+        for name, channel in case.channels_of(kind).items()
+        if not str(channel.equals).startswith(DRIVE_PREFIX)
+    }
 
 
 def case_numbers(case: Case) -> CaseNumbers:
     """The parameters of a case with the defaults of its reference."""
     reference = reference_class(case)
     known = reference.parameters if reference else {}
-    defaults = {n: one.default for n, one in known.items() if isinstance(one.default, float)}
+    defaults = {n: one.default for n, one in known.items() if isinstance(one.default, float | int)}
     return CaseNumbers({**defaults, **case.parameters})
 
 
@@ -180,20 +218,27 @@ def exact_samples(
     """
     if case.recorded:
         raise NotProven("the reference is a table of recorded numbers")
-    if case.load:
-        raise NotProven("loads that change")
     if state is None and case.reference in ("planar", "spatial"):
         raise NotProven(INTEGRATED)
+    if case.reference == "balancer" and state is not None:
+        return exact_chains(case, kind, p, x, state)
+    if case.reference in ALONG_A_DRIVE and state is not None:
+        drive = zip(*(order[0] for order in state), strict=True)
+        return map(ExactSample, ALONG_A_DRIVE[case.reference](p, drive))
+    if case.reference == "rod":
+        return map(ExactSample, cantilever(p, x))
+    if state is None and case.reference in FREE_MOTIONS:
+        return map(ExactSample, FREE_MOTIONS[case.reference](p, x))
     if state is not None and (case.reference in FORMS or case.reference == "planar"):
         return exact_poses(case, kind, p, x, state)
-    raise NotProven(WITHOUT_PROOF.get(case.reference, f"no proof of {case.reference} was written"))
+    raise NotProven(WITHOUT_PROOF.get(case.reference, f"{case.reference} is not written in balls"))
 
 
 def exact_poses(
     case: Case, kind: Kind, p: CaseNumbers, x: Array, state: DriveState
 ) -> Iterator[ExactSample]:
     """The exact values of a driven linkage at each sample."""
-    inertia = case.has_inertia(kind)
+    inertia, controls = case.has_inertia(kind), controls_of_loads(case, kind, x)
     if case.reference == "planar":
         form, guess, gravity = planar_loops(case)
         known = None
@@ -201,16 +246,71 @@ def exact_poses(
         form, names = FORMS[case.reference]
         quantities = reference_quantities(case, kind, x, state, case.parameters)
         known, gravity = [quantities[name] for name in names], p["gravity"]
+    before, continuous, senses = None, True, list[int]()
     for k in range(x.size):
+        numbers = p.with_values(
+            {
+                name: arb(p[name]) * arb(float(control[k]))
+                for load, control in zip(case.load, controls, strict=True)
+                for name in load.scales
+            }
+        )
         drives = [
             (arb(float(a[k])), arb(float(b[k])), arb(float(c[k])))
             for a, b, c in zip(*state, strict=True)
         ]
-        still = constants(one[0] for one in drives)
+        still = [one[0] for one in drives]
         if known is None:
-            guess = approximate_pose(form, p, still, guess)
+            guess = approximate_pose(form, numbers, still, guess)
         else:
             guess = [float(np.broadcast_to(curve, x.shape)[k]) for curve in known]
-        pose, half_width = prove_pose(form, p, still, guess)
+        pose, half_width = prove_pose(form, numbers, still, guess)
         guess = [float(one.mid()) for one in pose]
-        yield balls_of_pose(form, p, drives, pose, arb(gravity), inertia), half_width
+        curves, senses = balls_of_pose(form, numbers, drives, pose, arb(gravity), inertia, senses)
+        after = ProvenPose(still, pose)
+        if kind == "sweep" and before is not None and continuous:
+            continuous = is_continuous(form, numbers, before, after)
+        before = after
+        yield ExactSample(curves, half_width, kind == "sweep" and continuous)
+
+
+def exact_chains(
+    case: Case, kind: Kind, p: CaseNumbers, x: Array, state: DriveState
+) -> Iterator[ExactSample]:
+    """The exact values of a balancer at each angle of its pendulum."""
+    known = reference_quantities(case, kind, x, state, case.parameters)
+    count = segments_of(p)
+    names = [f"theta{k + 1}" for k in range(count)], [f"deflection{k + 1}" for k in range(count)]
+    if any(p[name] for name in p if "friction" in name):
+        raise NotProven("joints of a balancer that stick and slip are not written in balls")
+    p["target_moment"]  # scales the moment that a design aims at, which no channel has
+    before: tuple[ProvenPose, frozenset[int]] | None = None
+    continuous = True
+    for k in range(x.size):
+        angles, turned = ([float(known[name][k]) for name in group] for group in names)
+        chain = make_chain(p, turned)
+        stops = [float(known[f"node{joint + 1}_load"][k]) for joint in chain.stopped]
+        force = [-float(known[name][k]) for name in ("force_x", "force_y")]
+        drive = tuple(arb(float(order[0][k])) for order in state)
+        pose, half_width = prove_pose(chain, p, [drive[0]], [*angles, *force, *stops])
+        chain.check_stops(p, pose)
+        curves, _ = balls_of_pose(chain, p, [drive], pose, arb(0), False)
+        after = ProvenPose([drive[0]], pose), frozenset(chain.stopped)
+        if before is not None and continuous:
+            same = before[1] == after[1]
+            continuous = same and is_continuous(chain, p, before[0], after[0])
+        before = after
+        yield ExactSample(curves, half_width, continuous)
+
+
+def controls_of_loads(case: Case, kind: Kind, x: Array) -> list[Array]:
+    """The controls of the loads that change along a run, which count as exact.
+
+    Raises
+    ------
+    NotProven
+        A load acts on the model, and scales no parameter.
+    """
+    if any(not load.scales for load in case.load):
+        raise NotProven("loads on a model are not written in balls")
+    return [np.broadcast_to(profile(x)[0], x.shape) for profile in load_profiles(case, kind)]

@@ -4,7 +4,8 @@ It shares no equation with the closed forms, and none with the virtual power of 
 holding moment is found in both ways.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from flint import acb, arb, arb_mat
 
@@ -41,6 +42,22 @@ def cross(a: acb, b: acb) -> arb:
     return a.real * b.imag - a.imag * b.real
 
 
+def add_frictions(
+    needed: dict[str, list[arb]], moved: Loops, senses: Sequence[int]
+) -> list[Reaction]:
+    """Add the moments of friction of pins to the balances; return reactions with that of guides."""
+    reactions = list(moved.reactions)
+    for sense, one in zip(senses, moved.frictions, strict=True):
+        against = -sense * one.largest
+        if not one.reaction:
+            add(needed, one.on, acb(0), -against)
+            add(needed, one.by, acb(0), against)
+        for k, reaction in enumerate(reactions):
+            if reaction.name == one.reaction and reaction.along is not None:
+                reactions[k] = replace(reaction, along=reaction.along + against)
+    return reactions
+
+
 def unknowns_of(reaction: Reaction) -> tuple[list[Unknown], acb]:
     """The unknowns of a reaction, and its given force along the frame."""
     point, unit = reaction.point[0], turn(reaction.frame)[0]
@@ -55,7 +72,9 @@ def unknowns_of(reaction: Reaction) -> tuple[list[Unknown], acb]:
     return found, unit * (reaction.along or 0)
 
 
-def balance_bodies(moved: Loops, gravity: arb, inertia: bool) -> dict[str, arb]:
+def balance_bodies(
+    moved: Loops, gravity: arb, inertia: bool, senses: Sequence[int]
+) -> dict[str, arb]:
     """All forces and moments between bodies at one sample, as balls.
 
     Parameters
@@ -66,6 +85,8 @@ def balance_bodies(moved: Loops, gravity: arb, inertia: bool) -> dict[str, arb]:
         Acceleration of free fall, along -y [m/s^2].
     inertia : bool
         Whether bodies resist accelerations.
+    senses : sequence of int
+        The senses of the parts with dry friction.
 
     Returns
     -------
@@ -86,7 +107,7 @@ def balance_bodies(moved: Loops, gravity: arb, inertia: bool) -> dict[str, arb]:
             add(needed, load.body, -load.value, -cross(load.along[0], load.value))
     unknowns = [Unknown(name, body, GROUND, acb(0), arb(1)) for name, body in moved.motors.items()]
     found: dict[str, arb] = {}
-    for reaction in moved.reactions:
+    for reaction in add_frictions(needed, moved, senses):
         parts, given = unknowns_of(reaction)
         unknowns += parts
         if reaction.along is not None:
