@@ -26,17 +26,24 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:.0f}" if whole >= digits and abs(value) >= 1 else f"{value:.{digits}g}"
 
 
+def format_share(share: float) -> str:
+    """Format a share of a range: in per cent where a plot shows it, as a multiple from two on.
+
+    >>> format_share(0.092), format_share(3.2e-5), format_share(44.4)
+    ('9.2 %', '3.2e-5', '44 times')
+    """
+    if share >= PLOTTED_TIMES:
+        return f"{number(share, 2)} times"
+    return f"{number(100 * share, 2)} %" if share >= PLOTTED_SHARE else number(share, 2)
+
+
 def format_range_share(share: float, whose: str = "its") -> str:
-    """Format an error as a share of the range of its curve, in per cent where a plot shows it.
+    """Format an error as a share of the range of its curve.
 
     >>> format_range_share(0.0237), format_range_share(3e-7), format_range_share(44.0, "the")
     ('2.4 % of its range', '3e-7 of its range', '44 times the range')
     """
-    if share >= PLOTTED_TIMES:
-        return f"{number(share, 2)} times {whose} range"
-    if share >= PLOTTED_SHARE:
-        return f"{number(100 * share, 2)} % of {whose} range"
-    return f"{number(share, 2)} of {whose} range"
+    return f"{format_share(share)} {'' if share >= PLOTTED_TIMES else 'of '}{whose} range"
 
 
 def format_fitted(value: float, error: float) -> str:

@@ -560,7 +560,8 @@ def compare_defaults(rows: list[Comparison]) -> list[str]:
         cost = f", in {number(c.seconds / seconds, 2)} of the time" if seconds > 0 else ""
         words.append(
             f"With the defaults of {format_solver(engine)} a position is off by "
-            f"{format_range_share(default)}, {number(default / mine, 2)} times as much{cost}."
+            f"{format_range_share(default)}, {float(f'{default / mine:.2g}'):g} times as "
+            f"much{cost}."
         )
     return words
 

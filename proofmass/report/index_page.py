@@ -20,13 +20,15 @@ from markupsafe import Markup
 
 from proofmass.base.files import OUTPUT_MARK, make_folder, remove_output, write_output
 from proofmass.base.grouping import group_by
-from proofmass.base.wording import number
+from proofmass.base.wording import format_list, format_range_share, number
 from proofmass.batch.check import Result, family_of
 from proofmass.case.case import Case
+from proofmass.evidence.diagnosis import Fault, SharedCause
 from proofmass.report.changes import CHANGE_FACTOR, Change, changes_of_case, find_changes
 from proofmass.report.families import group_cards, reference_name
+from proofmass.report.glance import glance_of
 from proofmass.report.model_page import page_name
-from proofmass.report.overview import axis_place
+from proofmass.report.overview import bar_width
 from proofmass.report.page import case_faults, error_message, report_facts, slug
 from proofmass.report.record import History, Last, Record
 from proofmass.report.study import ShownStudy
@@ -35,8 +37,9 @@ from proofmass.report.svg_markers import MARKER_PATHS
 from proofmass.report.thumbnail import Thumbnail
 from proofmass.report.trend import MIN_REPORTS
 from proofmass.report.words import RUNS, SYMBOLS, case_state, group_by_solver, quantity_kind
-from proofmass.sim.engines import format_solver, is_variant
+from proofmass.sim.engines import computes_curves, format_solver, is_variant
 from proofmass.verdict.comparison import Comparison
+from proofmass.verdict.grade import Grade, grade_of, worst_not_judged
 from proofmass.verdict.outcome import (
     CHECKED_OUTCOMES,
     EMPTY_OUTCOMES,
@@ -47,8 +50,6 @@ from proofmass.verdict.outcome import (
 )
 
 STATIC = ("common.css", "common.js", "index.css", "index.js")
-INDEX_AXIS_DECADES = (-15, -12, -9, -6, -3, 0)
-"""Markers of engines by matplotlib's letters; all engines after the third share the last one."""
 MAX_SENTENCES = 2
 """Number of sentences on failed runs that a row shows before it only counts them."""
 
@@ -66,17 +67,16 @@ MIN_TREND_REPORTS = 3
 
 @dataclass(frozen=True)
 class ErrorMark:
-    """The mark of a solver in a cell: its largest error on the axis, and the allowed error.
+    """The bar of a solver in a cell: its error over what is allowed.
 
-    `at` and `allowed` are places in per cent of the axis; None where there is no such number.
-    `hollow` is true for other settings of an engine, `over` for a failure.
+    `width` is that of the bar, see `proofmass.report.overview.bar_width`; None where nothing is
+    allowed.  `hollow` is true for other settings of an engine, `over` for a failure.
     """
 
     solver: str
     hollow: bool
     over: bool
-    at: float | None
-    allowed: float | None
+    width: float | None
     words: str
 
 
@@ -170,6 +170,8 @@ class CaseRow:
     trend : Markup
         A line, as SVG, of the error nearest to its tolerance over the last reports; empty if there
         are too few reports or the error did not change.
+    grade : Grade, optional
+        How closely its curves agree; None if the case does not.
     """
 
     name: str
@@ -194,6 +196,7 @@ class CaseRow:
     picture: Markup = NO_MARKUP
     files: list[tuple[str, str]] = field(default_factory=list)
     trend: Markup = NO_MARKUP
+    grade: Grade | None = None
 
     @property
     def order(self) -> tuple[bool, bool, float, str]:
@@ -268,6 +271,13 @@ def render_index(
     comparisons = group_by(result.comparisons, lambda c: c.case)
     columns = columns_of(result)
     shapes = engine_looks(columns, style)
+    found_causes = result.causes
+    causes_of = {
+        name: [cause for _, cause in own]
+        for name, own in group_by(
+            ((name, cause) for cause in found_causes for name in cause.cases), lambda pair: pair[0]
+        ).items()
+    }
     rows = [
         case_row(
             case,
@@ -277,6 +287,7 @@ def render_index(
             pictures.get(case.name),
             history,
             files or {},
+            causes_of.get(case.name, ()),
         )
         for case in result.cases
     ]
@@ -294,6 +305,7 @@ def render_index(
         "compared": bool(last.record),
         "trended": len(history.reports) >= MIN_REPORTS,
     }
+    causes = [index_cause(cause, by_name) for cause in found_causes]
     page = env.get_template("index.html").render(
         **shown,
         rows=rows,
@@ -305,7 +317,6 @@ def render_index(
         most=MAX_NAMED_CASES,
         missing=missing,
         groups=grouped,
-        decades=[(axis_place(10.0**d), d) for d in INDEX_AXIS_DECADES],
         states=Counter(row.state for row in rows),
         checked=sum(row.checked for row in rows),
         channels=sum(row.channels for row in rows),
@@ -313,7 +324,13 @@ def render_index(
         gone=[change.case for change in gone],
         last=last,
         record=record,
-        seconds=sum(row.seconds for row in rows),
+        headline=headline_of(rows, found_causes),
+        causes=[cause for cause in causes if cause.pages],
+        basis=format_basis(result.cases),
+        cost=format_cost(result.comparisons, record),
+        graded=format_grades(rows),
+        unjudged=format_unjudged(result.comparisons),
+        glance=glance_of(family_choices(grouped), result.comparisons),
         about=report_facts(),
         studies=studies,
         errors=[error_message(e) for e in result.errors],
@@ -335,6 +352,105 @@ def render_index(
             for k, part in enumerate(parts, 1)
         ],
     )
+
+
+@dataclass(frozen=True)
+class IndexCause:
+    """A cause on the index: its sentence, its wrong values, what it leaves, and its cases."""
+
+    title: str
+    faults: tuple[Fault, ...]
+    proof: str
+    pages: tuple[tuple[str, str], ...]
+
+
+def index_cause(cause: SharedCause, rows: Mapping[str, CaseRow]) -> IndexCause:
+    """Return a cause with the pages of its cases."""
+    head = "" if cause.complete else f"{cause.head[:1].upper()}{cause.head[1:]}: "
+    proof = f"{cause.proof[:1].upper()}{cause.proof[1:]}."
+    return IndexCause(
+        f"{head}{cause.sentence}",
+        tuple(fault for fault in cause.best.faults if fault.instead),
+        proof,
+        tuple((name, rows[name].page) for name in cause.cases if name in rows),
+    )
+
+
+def headline_of(rows: Sequence[CaseRow], causes: Sequence[SharedCause]) -> str:
+    """Return the verdict on all cases in one line."""
+    bad, count = [row.name for row in rows if row.state == "bad"], len(rows)
+    cases = f"{count} case{'s' * (count != 1)}"
+    if not bad:
+        agree = sum(row.state == "good" for row in rows)
+        return (
+            f"{f'All {cases}' if count > 1 else cases} agree{'s' * (count == 1)}"
+            if (agree == count)
+            else f"{agree} of {cases} agree, the others are not checked"
+        )
+    alone = causes[0] if len(causes) == 1 else None
+    if alone and alone.complete and alone.best.fault and set(bad) <= set(alone.cases):
+        return f"One wrong value fails {len(bad)} of {cases}"
+    return f"{len(bad)} of {cases} differ{'s' * (len(bad) == 1)} or failed"
+
+
+def format_basis(cases: Sequence[Case]) -> str:
+    """Return what the cases are compared with, by number of cases."""
+    kinds = Counter(
+        "recorded curves"
+        if case.recorded
+        else "general solvers that read the model itself"
+        if case.reads_model
+        else "references that are independent of the model (closed forms, solvers of rods and "
+        "balancers)"
+        for case in cases
+    )
+    parts = [f"{words}: {count} case{'s' * (count != 1)}" for words, count in kinds.most_common()]
+    return f"{'; '.join(parts)}." if parts else ""
+
+
+def format_cost(comparisons: Sequence[Comparison], record: Record) -> str:
+    """Return the processor time of all runs by engine, and the load of the machine."""
+    runs = {(c.case, c.run, c.solver): c.seconds for c in comparisons}
+    known = [key for key, seconds in runs.items() if math.isfinite(seconds)]
+    by_engine = group_by(known, lambda key: key[2].partition(":")[0])
+    parts = [
+        f"{format_solver(engine)} {number(sum(runs[key] for key in keys), 2)} s"
+        for engine, keys in by_engine.items()
+        if computes_curves(engine)
+    ]
+    made, load = record.made, ""
+    if made.load_start is not None:
+        load = f", {made.processors} processors at a load of {number(made.load_start, 2)}"
+        if made.load_start > made.processors:
+            load += ", which makes times longer"
+    return f"processor time {format_list(parts)}{load}" if parts else "nothing was run"
+
+
+def format_grades(rows: Sequence[CaseRow]) -> str:
+    """Return how many cases have each grade."""
+    counts = Counter(row.grade for row in rows if row.grade)
+    return ", ".join(f"{counts[one]} {one.words}" for one in Grade if counts[one])
+
+
+def format_unjudged(comparisons: Sequence[Comparison]) -> str:
+    """Return the largest error of a curve that is not checked, if a plot shows it."""
+    c = worst_not_judged(comparisons)
+    if c is None:
+        return ""
+    return f"errors up to {format_range_share(c.relative_to_range, 'the')} ({c.case})"
+
+
+def family_choices(groups: Iterable[Mapping[str, Any]]) -> dict[str, tuple[str, list[str]]]:
+    """Return for each family the value of its filter, and the names of its cases."""
+    return {
+        group["name"]: (
+            f"{group['name']}/"
+            if len(group["parts"]) > 1
+            else f"{group['name']}/{group['parts'][0]['name']}",
+            [card["name"] for part in group["parts"] for card in part["cards"]],
+        )
+        for group in groups
+    }
 
 
 def described_screens(result: Result) -> dict[str, dict[str, Any]]:
@@ -458,8 +574,9 @@ def case_row(
     picture: Thumbnail | Markup | None,
     history: History,
     files: Mapping[str, list[tuple[str, str]]],
+    causes: Sequence[SharedCause] = (),
 ) -> CaseRow:
-    """Return the row of a case; `found` are the changes of all cases."""
+    """Return the row of a case; `found` are the changes of all cases, `causes` its own ones."""
     rows = [c for c in result.comparisons if c.case == case.name]
     faults = case_faults(case, result)
     state = case_state(case, rows, faults)
@@ -477,7 +594,7 @@ def case_row(
         state=state,
         symbol=symbol,
         word=word,
-        remarks=[*faults, *shorten_sentences(failure_remarks(case, rows))],
+        remarks=[*faults, *shorten_sentences(failure_remarks(case, rows, causes))],
         cells=cells,
         engines=list(dict.fromkeys(map(engine_name, rows))),
         bad_engines=list(
@@ -495,15 +612,27 @@ def case_row(
         picture=picture.svg(case.name) if isinstance(picture, Thumbnail) else picture or NO_MARKUP,
         files=files.get(case.name, []),
         trend=trend_line(history, rows),
+        grade=grade_of(rows) if state == "good" else None,
     )
 
 
-def failure_remarks(case: Case, rows: Sequence[Comparison]) -> Iterator[str]:
-    """Yield what is wrong with a case, in a sentence for each run and solver."""
+def failure_remarks(
+    case: Case, rows: Sequence[Comparison], causes: Iterable[SharedCause] = ()
+) -> Iterator[str]:
+    """Yield what is wrong with a case: a sentence for each cause, and for each run without one."""
+    explained = set[tuple[str, str, str]]()
+    for cause in causes:
+        runs = {(d.case, d.run, d.solver) for d in cause.diagnoses if d.case == case.name}
+        explained |= runs
+        own = [c for c in rows if (c.case, c.run, c.solver) in runs]
+        if own:
+            differ = sum(c.outcome == Outcome.DIFFERS for c in own)
+            by = cause.best.fault.place if cause.best.fault else cause.best.words
+            yield f"{differ} of {len(own)} curves differ: {by}."
     for run in dict.fromkeys(c.run for c in rows):
         for solver, group in group_by_solver(rows, run).items():
             bad = [c for c in group if c.outcome not in GOOD_OUTCOMES]
-            if bad:
+            if bad and (case.name, run, solver) not in explained:
                 yield f"{format_solver(solver)}, {run}: {format_failure(bad, len(group))}."
     if not case.unchecked and not {c.outcome for c in rows} - set(UNCHECKED_OUTCOMES):
         yield "Nothing of it was checked."
@@ -567,52 +696,68 @@ def total_seconds(rows: Iterable[Comparison]) -> float:
 
 
 def index_cell(rows: Sequence[Comparison]) -> IndexCell | None:
-    """Return the cell of these comparisons: a mark for each solver, the engine itself first."""
+    """Return the cell of these comparisons: a bar for each solver, the engine itself first."""
     solvers = sorted(dict.fromkeys(c.solver for c in rows), key=is_variant)
     groups = [[c for c in rows if c.solver == solver] for solver in solvers]
     if not groups:
         return None
-    speakers = [representative(group) for group in groups]
+    allowed = {(c.run, c.channel): c.allowed_of_range for c in rows if not is_variant(c.solver)}
+    speakers = [representative(group, allowed) for group in groups]
     first = next((c for c in speakers if c.outcome not in GOOD_OUTCOMES), speakers[0])
-    lanes = [error_mark(c) for c in speakers]
-    share = first.relative_to_range
+    share, ratio = first.relative_to_range, ratio_of(first, {})
     known = math.isfinite(share)
     kind = quantity_kind(first.unit) if known else "other"
+    bad = first.outcome not in GOOD_OUTCOMES
     return IndexCell(
-        lanes=lanes,
+        lanes=[error_mark(c, allowed) for c in speakers],
         error=number(share, 2) if known else str(first.outcome),
         kind="" if kind == "other" else kind,
-        bad=first.outcome not in GOOD_OUTCOMES,
-        sort=share if known else math.inf if first.outcome not in GOOD_OUTCOMES else -1.0,
+        bad=bad,
+        sort=math.inf if bad and ratio is None else -1.0 if ratio is None else ratio,
     )
 
 
-def representative(group: Sequence[Comparison]) -> Comparison:
-    """Return the comparison that represents a solver: the worst failure, else the largest error."""
+def ratio_of(c: Comparison, allowed: Mapping[tuple[str, str], float]) -> float | None:
+    """Return an error over what is allowed; None if nothing is.
+
+    What no tolerance covers is measured by `allowed`, what the engine's own setting is allowed in
+    the same run and channel, as a share of the range.
+    """
+    if math.isfinite(c.allowed) and c.outcome in CHECKED_OUTCOMES:
+        return c.share_of_allowed
+    own = allowed.get((c.run, c.channel), math.nan)
+    return c.relative_to_range / own if own > 0 and math.isfinite(c.relative_to_range) else None
+
+
+def representative(
+    group: Sequence[Comparison], allowed: Mapping[tuple[str, str], float]
+) -> Comparison:
+    """Return the comparison that represents a solver: the largest error over what is allowed.
+
+    A failure comes first; of curves for which nothing is allowed that with the largest share.
+    """
 
     def rank(c: Comparison) -> tuple[bool, float, float]:
-        failed = c.outcome not in GOOD_OUTCOMES
-        share = c.relative_to_range
+        ratio, share = ratio_of(c, allowed), c.relative_to_range
         known = share if math.isfinite(share) else -1.0
-        return failed, c.share_of_allowed if failed else 0.0, known
+        return c.outcome not in GOOD_OUTCOMES, -1.0 if ratio is None else ratio, known
 
     return max(group, key=rank)
 
 
-def error_mark(c: Comparison) -> ErrorMark:
-    """Return the mark of a solver, by the comparison that represents it."""
-    share, judged = c.relative_to_range, math.isfinite(c.allowed)
-    known, allowed, words = math.isfinite(share), None, str(c.outcome)
-    if known:
-        allowed = c.allowed_of_range if judged and c.error_max else None
-        words = f"{c.channel} {number(share, 2)} of the range"
-        words += f", {number(allowed, 2)} allowed" if allowed else ", no tolerance" * (not judged)
+def error_mark(c: Comparison, allowed: Mapping[tuple[str, str], float]) -> ErrorMark:
+    """Return the bar of a solver, by the comparison that represents it."""
+    share, ratio, words = c.relative_to_range, ratio_of(c, allowed), str(c.outcome)
+    if math.isfinite(share):
+        words = f"{c.channel} {format_range_share(share, 'the')}"
+        if ratio is not None:
+            of = "allowed" if math.isfinite(c.allowed) else "allowed as in the model"
+            words += f", {number(ratio, 2)} of what is {of}"
     return ErrorMark(
         c.solver,
         is_variant(c.solver),
         c.outcome not in GOOD_OUTCOMES,
-        axis_place(share) if known else None,
-        None if allowed is None else axis_place(allowed),
+        None if ratio is None else bar_width(ratio),
         f"{format_solver(c.solver)}: {words}",
     )
 

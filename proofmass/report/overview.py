@@ -1,9 +1,9 @@
 """The first table of a case's page: the largest error of each solver, and the allowed error.
 
-A row is a kind of quantity of a run, a column a solver.  A cell shows one channel: of those that
-differ, the one whose error over its tolerance is largest, otherwise the one with the largest error
-as a share of the range of its reference.  The errors are also drawn on a logarithmic axis, which is
-the same on all pages.
+A row is a kind of quantity of a run, a column a solver.  A cell shows one channel: the one whose
+error over what is allowed is largest, of channels that are not checked the one with the largest
+error as a share of the range of its reference.  A bar shows the error over what is allowed, on a
+linear axis that is the same on all pages.
 """
 
 import math
@@ -21,6 +21,8 @@ from proofmass.verdict.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, Outcome
 
 FIRST_DECADE, LAST_DECADE = -16.4, 0.6  # decades at the ends of the axis
 AXIS_DECADES = (-15, -10, -5, 0)
+ALLOWED_PLACE = 75.0
+"""Place of an error that is just allowed on a bar [%]; what is beyond is drawn red."""
 QUANTITY_ORDER = ("position", "velocity", "acceleration", "moment", "force", "energy", "other")
 
 
@@ -36,8 +38,9 @@ class ErrorCell:
         Whether it differs, is undecided or failed.
     link, title : str
         Address of the curve on the page, and the hint on the link.
-    dot, tick : float, optional
-        Places of the error and of the allowed error on the axis [%].
+    width : float, optional
+        Width of the bar of the error over what is allowed, see `bar_width` [%]; None if the channel
+        is not checked.
     """
 
     solver: str
@@ -46,8 +49,7 @@ class ErrorCell:
     bad: bool = False
     link: str = ""
     title: str = ""
-    dot: float | None = None
-    tick: float | None = None
+    width: float | None = None
 
 
 @dataclass(frozen=True)
@@ -59,16 +61,13 @@ class OverviewRow:
 
     @property
     def lanes(self) -> list[ErrorCell]:
-        """The cells that are drawn on the axis."""
-        return [cell for cell in self.cells if cell and cell.dot is not None]
+        """The cells that have a bar."""
+        return [cell for cell in self.cells if cell and cell.width is not None]
 
     @property
     def description(self) -> str:
         """The drawing in words."""
-        parts = [
-            f"{cell.solver} {cell.text}" + (f", {cell.note}" if cell.tick is not None else "")
-            for cell in self.lanes
-        ]
+        parts = [f"{cell.solver} {cell.text}, {cell.note}" for cell in self.lanes]
         return f"{self.kind}: {'; '.join(parts)}"
 
 
@@ -79,6 +78,15 @@ class OverviewRun:
     kind: str
     title: str
     rows: tuple[OverviewRow, ...]
+
+
+def bar_width(ratio: float) -> float:
+    """Return the width of the bar of an error over what is allowed [%], linear up to its end.
+
+    >>> bar_width(0.0), bar_width(1.0), bar_width(1.2), bar_width(2.4e10)
+    (0.0, 75.0, 90.0, 100.0)
+    """
+    return round(min(ALLOWED_PLACE * ratio, 100.0), 2)
 
 
 def axis_place(share: float) -> float:
@@ -142,9 +150,10 @@ def error_cell(
     judged = {name: c for name, c in known.items() if c["outcome"] in CHECKED_OUTCOMES}
     if bad:
         name = max(bad, key=lambda n: bad[n]["ratio"] or math.inf)
+    elif judged:
+        name = max(judged, key=lambda n: (judged[n]["ratio"] or 0.0, judged[n]["share"]))
     else:
-        some = judged or known
-        name = max(some, key=lambda n: some[n]["share"])
+        name = max(known, key=lambda n: known[n]["share"])
     c = known[name]
     if c["outcome"] in (Outcome.UNDECIDED, *EMPTY_OUTCOMES):
         note = c["outcome"]
@@ -153,7 +162,7 @@ def error_cell(
     elif c["later"] is not None and c["share"] > 2 * c["later"]:
         note = "at the start"
     else:
-        note = "not judged"
+        note = "not checked"
     return ErrorCell(
         solver,
         number(c["share"], 2),
@@ -161,8 +170,7 @@ def error_cell(
         name in bad,
         curve_address(kind, solver, name, c["at"]),
         f"{name}: show the curve",
-        axis_place(c["share"]),
-        axis_place(c["allowed_share"]) if name in judged else None,
+        None if name not in judged else 100.0 if c["ratio"] is None else bar_width(c["ratio"]),
     )
 
 

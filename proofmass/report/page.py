@@ -17,7 +17,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from proofmass.base.errors import InputError
 from proofmass.base.files import OUTPUT_MARK, make_folder, write_output
-from proofmass.base.wording import number
+from proofmass.base.wording import format_share, number
 from proofmass.batch.check import Result
 from proofmass.case.case import Case
 from proofmass.report.commit import commit_of
@@ -42,6 +42,7 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     env.filters["number"] = number
+    env.filters["share"] = format_share
     env.globals["symbols"] = SYMBOLS
     env.globals["generator"] = OUTPUT_MARK
     return env

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from proofmass.base.grouping import group_by
 from proofmass.base.units import MOTION_UNITS, si_unit
-from proofmass.base.wording import format_list, format_range_share, number
+from proofmass.base.wording import format_list, format_range_share, format_share, number
 from proofmass.case.case import Case
 from proofmass.sim.engines import format_solver
 from proofmass.verdict.comparison import Comparison
@@ -313,17 +313,6 @@ def format_closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
     unjudged = "Not checked: " if words and not judged else ""
     text = "; ".join(words)
     return f"{unjudged}{text[:1].upper()}{text[1:]}." if text else ""
-
-
-def format_share(value: float) -> str:
-    """Format a share of the range, in per cent if it is large enough to be seen in a plot.
-
-    >>> format_share(0.092), format_share(3.2e-5), format_share(44.4)
-    ('9%', '3e-5', '44 times')
-    """
-    if value >= 2:
-        return f"{number(value, 2)} times"
-    return f"{number(100 * value, 1)}%" if value >= 1e-3 else number(value, 1)
 
 
 def case_state(case: Case, rows: Sequence[Comparison], faults: Sequence[str]) -> str:

@@ -146,7 +146,7 @@ def test_a_drawing_moves_under_the_pointer_and_with_the_focus(open_index):
         start = page.get_attribute(path, "d")
         touch()
         page.wait_for_function(moved, arg=start)
-        page.hover("h1")
+        page.hover("#cases thead th:nth-child(2)")
         page.wait_for_function(f"start => !({moved})(start)", arg=start)
 
 
@@ -174,6 +174,8 @@ def test_nothing_is_wider_than_the_screen(open_index, width):
 
 def test_a_phone_shows_the_cells_of_a_case_below_each_other(open_index):
     page = open_index(viewport={"width": 390, "height": 844})
+    page.locator("#cases").scroll_into_view_if_needed()
+    page.wait_for_selector("tr[data-name=pendulum] td.cell:not(.none)")
     left = page.eval_on_selector_all(
         "tr[data-name=pendulum] td.cell:not(.none)",
         "cells => cells.map(c => c.getBoundingClientRect().left)",

@@ -105,7 +105,7 @@ def test_a_search_finds_a_case_that_has_no_row_yet(visit: Visit) -> None:
     assert visit.page.inner_text("#count") == f"1 of {COUNT} cases"
     assert visit.page.locator("tbody tr[data-name] .strip").count() > 0
     visit.page.fill("#search", "variant 77")  # the words are in the titles
-    assert len(drawn_rows(visit)) == sum("77" in str(k) for k in range(COUNT))
+    assert visit.run("chosen.length") == sum("77" in str(k) for k in range(COUNT))
 
 
 def test_sorting_draws_the_first_rows_of_the_new_order(visit: Visit) -> None:
@@ -122,12 +122,12 @@ def test_sorting_draws_the_first_rows_of_the_new_order(visit: Visit) -> None:
 
 
 def test_the_table_says_how_many_rows_it_has_and_which_it_shows(visit: Visit) -> None:
-    assert visit.page.get_attribute("#cases", "aria-rowcount") == str(COUNT + 2)
+    assert visit.page.get_attribute("#cases", "aria-rowcount") == str(COUNT + 1)
     scroll_to(visit, "0.5")
     order = visit.run("chosen.map((row) => row.name)")
     for row in drawn_rows(visit):
         number = visit.page.get_attribute(f"tr[data-name={row}]", "aria-rowindex")
-        assert int(number) == order.index(row) + 3  # after two rows of the head, from 1
+        assert int(number) == order.index(row) + 2  # after the row of the head, from 1
 
 
 def test_the_tab_key_goes_from_row_to_row_beyond_those_that_are_drawn(visit: Visit) -> None:

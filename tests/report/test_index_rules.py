@@ -139,14 +139,14 @@ def test_a_cell_without_a_number_is_sorted_by_whether_it_failed():
 def test_the_channel_that_fails_most_represents_a_solver():
     by_far = angle(1e-4, allowed=1e-6, outcome=Outcome.DIFFERS)
     barely = replace(angle(1e-1, allowed=5e-2, outcome=Outcome.DIFFERS), channel="rate")
-    assert representative([barely, by_far]) is by_far
+    assert representative([barely, by_far], {}) is by_far
     words = format_failure([replace(barely, message="2 x"), replace(by_far, message="100 x")], 5)
     assert words == "2 of 5 differ, angle by 100 x"
 
 
-def test_an_error_of_zero_has_no_mark_of_what_is_allowed():
+def test_an_error_of_zero_has_a_bar_without_width():
     (mark,) = index_cell([angle(0.0)]).lanes
-    assert (mark.at, mark.allowed) == (0.0, None)
+    assert mark.width == 0.0
 
 
 def test_a_case_whose_input_is_at_fault_does_not_say_that_it_agrees():
@@ -259,17 +259,19 @@ def test_a_cell_of_the_table_shows_what_differs_most():
 
 
 def test_a_judged_channel_is_shown_before_one_that_is_not():
-    judged, other = channel_facts(1e-9, "agrees"), channel_facts(1e-2, "unchecked")
+    judged, other = channel_facts(1e-9, "agrees", ratio=1e-3), channel_facts(1e-2, "unchecked")
     found = cell_of(a=other, b=judged)
     assert (found.text, found.note, found.bad) == ("1e-9", "allowed 1e-6", False)
-    assert found.tick is not None
-    assert cell_of(a=other).tick is None
+    assert found.width == 0.07
+    assert cell_of(a=other).width is None
+    nearer = channel_facts(1e-12, "agrees", ratio=0.9)  # nearer to what is allowed, and smaller
+    assert cell_of(a=judged, b=nearer).text == "1e-12"
 
 
 def test_an_error_of_the_start_alone_is_said_to_be_one():
     assert cell_of(a=channel_facts(1e-2, "unchecked", later=1e-3)).note == "at the start"
-    assert cell_of(a=channel_facts(1e-2, "unchecked", later=9e-3)).note == "not judged"
-    assert cell_of(a=channel_facts(1e-2, "unchecked")).note == "not judged"
+    assert cell_of(a=channel_facts(1e-2, "unchecked", later=9e-3)).note == "not checked"
+    assert cell_of(a=channel_facts(1e-2, "unchecked")).note == "not checked"
 
 
 def test_a_curve_without_a_number_is_linked_first():

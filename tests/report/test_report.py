@@ -126,8 +126,8 @@ def test_the_headline_gives_the_errors_of_unchecked_settings(fourbar: Case) -> N
     curves = curves_with_error(fourbar, "dynamics", 3e-2)
     rows = compare(fourbar, "dynamics", "mujoco:default", curves)
     assert (
-        "unchecked: MuJoCo default (off by 3% of the range in position, 3% in velocity and "
-        "3% in force or energy)"
+        "unchecked: MuJoCo default (off by 3 % of the range in position, 3 % in velocity and "
+        "3 % in force or energy)"
     ) in headline(fourbar, [*result.comparisons, *rows])
 
 
@@ -150,8 +150,8 @@ def test_the_headline_separates_errors_at_the_start_from_later_ones() -> None:
     assert (c.at, c.error_max) == (0.0, pytest.approx(0.502 * span, rel=1e-9))
     assert c.error_later == pytest.approx(2e-3 * span, rel=1e-9)
     assert (
-        "MuJoCo default (off by 1e-4 of the range in position, 0.1% in velocity and 50% in "
-        "acceleration at the start, 0.2% after a tenth of the run)"
+        "MuJoCo default (off by 1e-4 of the range in position, 0.1 % in velocity and 50 % in "
+        "acceleration at the start, 0.2 % after a tenth of the run)"
     ) in headline(case, rows)
 
 

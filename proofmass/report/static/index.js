@@ -351,6 +351,11 @@ function change(changes) {
   draw();
 }
 
+// Whether the engine is one of the choices above the table; a single engine has none.
+function hasChoice(engine) {
+  return findAll("[data-engine]").some((button) => button.dataset.engine === engine);
+}
+
 function sortBy(key) {
   if (state.sort !== key) {
     change({ sort: key, down: "" });
@@ -439,12 +444,15 @@ function listen() {
   for (const button of findAll("th button", table)) {
     button.addEventListener("click", () => sortBy(button.dataset.sort));
   }
-  for (const link of findAll("#families a")) {
-    link.addEventListener("click", (event) => {
-      event.preventDefault();
-      change({ ...EMPTY, family: link.dataset.family });
-      find("#family").focus();
+  for (const button of findAll("[data-of-family]")) {
+    const { ofFamily, ofEngine } = button.dataset;
+    button.addEventListener("click", () => {
+      change({ ...EMPTY, family: ofFamily, engine: hasChoice(ofEngine) ? ofEngine : "" });
+      find(".bar").scrollIntoView();
     });
+  }
+  for (const button of findAll("[data-copy]")) {
+    button.addEventListener("click", () => copyText(button.dataset.copy, button));
   }
   addEventListener("scroll", placeSoon, { passive: true });
   addEventListener("resize", forgetHeights);
@@ -469,7 +477,7 @@ function listen() {
 function start() {
   document.documentElement.classList.add("script");
   const compared = Boolean(find("th button[data-sort=change]", table));
-  for (const button of findAll(".number, th button")) {
+  for (const button of findAll(".number, th button, [data-of-family]")) {
     button.disabled = button.dataset.outcome === "changed" && !compared;
   }
   findAll("tbody tr[data-name]", table).forEach((element, k) => {
