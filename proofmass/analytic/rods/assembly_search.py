@@ -2,10 +2,11 @@ r"""All equilibria of any planar assembly of rods, without a first guess.
 
 Rods may be precurved, heavy, under couples, pinned or clamped to a platform that is free or held.
 
-Newton's method (`assembly_newton`) leads to equilibria from batches of random starts: rods bent in
-a few waves, a platform anywhere in reach, and forces that do not balance.  Its unknowns need not
-fit together, so that nothing is solved before.  The search ends after some batches without
-anything new: its completeness is tested, not proven.
+Newton's method (`assembly_newton`) leads to equilibria from batches of random starts.  In half of
+them rods are bent in a few waves, with a platform anywhere in reach and forces that do not balance;
+in the others rods have exact shapes under random loads and fit their clamps, but not each other.
+Its unknowns need not fit together, so that nothing is solved before.  The search ends after some
+batches without anything new: its completeness is tested, not proven.
 
 Plain assemblies (see `assembly`) are searched by the closed form of `all_equilibria` instead, whose
 loads have a proven bound, and their equilibria are solved once more here.
@@ -24,6 +25,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import simpson
 
 from proofmass.analytic.numerics import TURN
@@ -96,15 +98,23 @@ def state_rows(problem: RodProblem, guess: RodGuess) -> Array:
 
 
 def random_guesses(problem: RodProblem, limits: SearchLimits, count: int, seed: int) -> RodGuess:
-    """Random starts: rods bent in a few waves, the platform in reach, and forces to match."""
-    a, dice = problem.assembly, np.random.default_rng(seed)
+    """Random starts, half of them waves and half of them exact shapes of rods."""
+    dice, half = np.random.default_rng(seed), count // 2
+    parts = [wavy_guesses(problem, limits, count - half, dice)]
+    return join_guesses([*parts, bent_guesses(problem, limits, half, dice)], problem.assembly.rods)
+
+
+def wavy_guesses(
+    problem: RodProblem, limits: SearchLimits, count: int, dice: np.random.Generator
+) -> RodGuess:
+    """Starts whose rods are bent in a few waves, the platform in reach, and forces of any kind."""
+    a = problem.assembly
     own, pose = np.zeros((count, a.rods, OWN)), np.zeros((count, 3))
     centre = problem.clamp.mean()
     pose[:, :2] = dice.normal(0.0, 0.4 * a.length.mean(), (count, 2))
     pose[:, :2] += np.array([centre.real, centre.imag])
     pose[:, 2] = dice.uniform(-np.pi, np.pi, count)
-    for c in np.setdiff1d(range(3), a.free):
-        pose[:, c] = held_value(a, int(c))
+    hold_coordinates(a, pose)
     s = 1.0 - np.arange(SEGMENTS) / SEGMENTS  # from the tip to the last node
     waves = np.stack([s, *(np.sin(j * np.pi * s) for j in (1, 2, 3))])
     slopes = np.stack([1.0 + 0.0 * s, *(j * np.pi * np.cos(j * np.pi * s) for j in (1, 2, 3))])
@@ -122,12 +132,66 @@ def random_guesses(problem: RodProblem, limits: SearchLimits, count: int, seed: 
     return RodGuess(own, pose)
 
 
+def bent_guesses(
+    problem: RodProblem, limits: SearchLimits, count: int, dice: np.random.Generator
+) -> RodGuess:
+    """Starts whose rods have exact shapes under random loads and fit their clamps.
+
+    A rod is integrated from its tip, whose load has any direction and a moment if it is clamped,
+    and is turned as a whole so that its clamp has the right angle; only its weight is left out.
+    The platform is where the tips are on average.  High loads are found by these starts, since no
+    random wave is near the shape of a rod with a large force.
+    """
+    a = problem.assembly
+    own, pose = np.zeros((count, a.rods, OWN)), np.zeros((count, 3))
+    tips, turns = np.zeros((count, a.rods), complex), np.zeros((count, a.rods))
+    none = np.zeros(count)
+    for i in range(a.rods):
+        rod = problem.unit_rod(i)
+        light = NaturalRods(rod.curvature, rod.slope, 0.0 * rod.weight)
+        alpha = limits.alpha * np.sqrt(dice.uniform(0.0, 1.0, count))
+        force = alpha**2 * np.exp(1j * dice.uniform(-np.pi, np.pi, count))
+        bend = dice.normal(0.0, TIP_BEND * limits.alpha, count) * float(a.clamped[i])
+        nodes = states_at_nodes(light, force, bend, none)
+        end = march_from_tip(light, force, bend, none, rule=ROUGH_STEPS, slopes=False)
+        turn = problem.angle[i] - end.angle[0]
+        turned = np.exp(1j * turn)
+        tips[:, i], turns[:, i] = problem.clamp[i] - a.length[i] * end.base[0] * turned, turn
+        force = force * turned
+        nodes[:, 0::2] += turn[:, None]
+        third = bend if a.clamped[i] else turn
+        own[:, i] = np.column_stack([force.real, force.imag, third, nodes]) * problem.units(i)
+    pose[:, 2] = dice.uniform(-np.pi, np.pi, count)
+    clamped = np.flatnonzero(a.clamped)
+    if clamped.size:
+        led = clamped[dice.integers(0, clamped.size, count)]  # a rod that turns the platform
+        pose[:, 2] = turns[np.arange(count), led] - a.tip_angle[led]
+    hold_coordinates(a, pose)
+    place = (tips - a.arm * np.exp(1j * pose[:, 2:])).mean(axis=1)
+    pose[:, 0], pose[:, 1] = place.real, place.imag
+    hold_coordinates(a, pose)
+    for i in map(int, clamped):
+        whole = TURN * np.round((pose[:, 2] + a.tip_angle[i] - turns[:, i]) / TURN)
+        own[:, i, 3::2] += whole[:, None]
+    return RodGuess(own, pose)
+
+
+def hold_coordinates(a: Assembly, pose: Array) -> None:
+    """Set the held coordinates of poses (n, 3), in place."""
+    for c in np.setdiff1d(range(3), a.free):
+        pose[:, c] = held_value(a, int(c))
+
+
+ROUGH_NODES = 41
+"""Nodes of a rod along which the inflections of a rough state are counted."""
 STARTS_AT_ONCE = 4000
 """Random starts in a batch, whose seed is its number."""
 IDLE_BATCHES, MAX_BATCHES = 3, 25
 """Batches without anything new after which a search ends, and most batches."""
 ALPHA_MARGIN = 1.01
 """Ratio to the largest alpha that rough states may have: they are solved once more."""
+TIP_BEND = 0.5
+"""Standard deviation of the moment on a clamped tip, over alpha EI/L: the largest of a rod is 2."""
 WAVE_SIZES = np.array([3.0, 1.5, 1.0, 0.7])
 """Standard deviations [rad] of a random rod's turn from end to end, and of its sines."""
 
@@ -138,10 +202,10 @@ def search_equilibria(
     """Equilibria by random starts, each once, and the least residual of all starts [1].
 
     Their inflections are not yet limited.  The search ends when `IDLE_BATCHES` batches of starts in
-    succession find no new equilibrium within the load.
+    succession find no new equilibrium within the load and with as few inflections.
     """
     a, most = problem.assembly, (MAX_FORCE_RATIO * limits.alpha) ** 2
-    known, nearest, idle = join_guesses([], a.rods), np.inf, 0
+    known, nearest, idle, within = join_guesses([], a.rods), np.inf, 0, 0
     for batch in range(MAX_BATCHES):
         if advance:
             advance("batches of random starts", batch, MAX_BATCHES)
@@ -149,14 +213,24 @@ def search_equilibria(
         ended, converged, least = solve_guesses(problem, starts, ROUGH_STEPS, ROUGH_TOLERANCE, most)
         nearest, new = min(nearest, least), ended[converged]
         new = new[largest_alpha(problem, new) <= limits.alpha * ALPHA_MARGIN]
-        before = len(known)
+        before = within
         known = distinct_states(problem, join_guesses([known, new], a.rods), ROUGH_DISTANCE)
-        idle = 0 if len(known) > before else idle + 1
+        within = int(few_inflections(problem, known, limits.inflections).sum())
+        idle = 0 if within > before else idle + 1
         if idle == IDLE_BATCHES:
             break
     if advance:
         advance("batches of random starts", MAX_BATCHES, MAX_BATCHES)
     return known, nearest
+
+
+def few_inflections(problem: RodProblem, guess: RodGuess, most: int) -> NDArray[np.bool_]:
+    """Whether no rod of states (n,) has more inflections, by a count along `ROUGH_NODES` nodes."""
+    few = np.ones(len(guess), bool)
+    for i in range(problem.assembly.rods) if len(guess) else ():
+        path = rod_path(problem, guess, i, ROUGH_NODES)
+        few &= path.inflections + ends_straight(problem.assembly, i) <= most
+    return few
 
 
 def largest_alpha(problem: RodProblem, guess: RodGuess) -> Array:

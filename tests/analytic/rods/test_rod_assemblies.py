@@ -8,15 +8,16 @@ import pytest
 from docs.make.rod_assemblies import distance, shot_unknowns
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import assembly
-from proofmass.analytic.rods.assembly_newton import RodProblem
+from proofmass.analytic.rods.assembly_newton import RodProblem, bend_rods
 from proofmass.analytic.rods.assembly_search import (
     SearchLimits,
+    bent_guesses,
     describe_equilibria,
     find_equilibria,
     search_equilibria,
 )
 from proofmass.analytic.rods.equilibrium import state
-from proofmass.analytic.rods.tip_wrench import NaturalRods, march_from_tip
+from proofmass.analytic.rods.tip_wrench import FINE_STEPS, NaturalRods, march_from_tip
 from tests.independent.rods.chain_starts import (
     chain_rests,
     random_states,
@@ -46,19 +47,37 @@ def mixed() -> RodProblem:
 
 
 @pytest.mark.slow
-def test_random_starts_find_the_equilibria_of_the_closed_form_and_their_stability():
+@pytest.mark.parametrize(
+    ("inflections", "alpha", "least"), [(2, 7.0, 6), (3, 15.0, 33), (3, 20.0, 34)]
+)
+def test_random_starts_find_the_equilibria_of_the_closed_form_and_their_stability(
+    inflections, alpha, least
+):
     pair = assembly([[-0.3, 0.0], [0.3, 0.0]])
     given = {"inputs": np.radians([40.0, 60.0]), "load": [5.7, -1.9]}
     problem = RodProblem(pair, given["inputs"], np.array([*given["load"], 0.0]))
-    limits = SearchLimits(inflections=2, alpha=7.0)
+    limits = SearchLimits(inflections, alpha)
     found, nearest = search_equilibria(problem, limits)
     ours = describe_equilibria(problem, found, limits, np.inf, nearest)
-    closed = solutions(pair, **given, modes=2, most_load=7.0)
-    assert len(ours) == len(closed) > 5
+    closed = solutions(pair, **given, modes=inflections, most_load=alpha)
+    assert len(ours) == len(closed) >= least
     np.testing.assert_allclose(ours.state.pose[:, :2], closed.state.pose, atol=1e-7)
     np.testing.assert_allclose(ours.potential, closed.potential, atol=1e-7)
     np.testing.assert_array_equal(ours.index, closed.negative)
     np.testing.assert_array_equal(ours.inflections, closed.modes)
+
+
+def test_half_of_the_starts_are_exact_shapes_that_fit_their_clamps():
+    problem, limits = mixed(), SearchLimits(alpha=6.0)
+    starts = bent_guesses(problem, limits, 50, np.random.default_rng(1))
+    place, phi = starts.pose[:, 0] + 1j * starts.pose[:, 1], starts.pose[:, 2]
+    a = problem.assembly
+    for i in range(a.rods):
+        at = place + a.arm[i] * np.exp(1j * phi)
+        bent = bend_rods(problem, i, starts.own[:, i], at, phi + a.tip_angle[i], FINE_STEPS)
+        assert np.abs(bent.misfit).max() < 1e-6
+        assert np.abs(bent.gap[:, 2]).max() < 0.02  # rough steps
+        assert np.abs(bent.gap[:, :2]).max() > 0.1  # its place does not fit yet
 
 
 @pytest.mark.slow
