@@ -29,6 +29,11 @@ def matrix_of(quaternion: PlainArray) -> PlainArray:
     )
 
 
+def matrix_of_xyzw(quaternion: PlainArray) -> PlainArray:
+    """The rotation matrix (3, 3) of a quaternion (x, y, z, w), whose real part comes last."""
+    return matrix_of(np.roll(quaternion, 1))
+
+
 def turn_about(axis: PlainArray, angle: float) -> PlainArray:
     """The rotation matrix (3, 3) about a unit axis by an angle [rad]."""
     x, y, z = axis

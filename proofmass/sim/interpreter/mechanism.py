@@ -63,6 +63,11 @@ class NeutralLink:
     omega: PlainArray
     body: int
 
+    @property
+    def six_moments(self) -> PlainArray:
+        """Moments and products (6,) of inertia: xx, yy, zz, xy, xz, yz [kg m^2]."""
+        return self.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
 
 @dataclass(frozen=True)
 class NeutralJoint:
@@ -132,9 +137,33 @@ class NeutralJoint:
         return bool(np.any(self.acting))
 
     @property
+    def is_single(self) -> bool:
+        """Whether it is a hinge or slide, whose coordinate is a number."""
+        return self.kind in ("hinge", "slide")
+
+    @property
+    def points(self) -> tuple:
+        """What it joins: a link and its point at the start, twice."""
+        return (self.parent, self.anchor), (self.child, self.anchor)
+
+    @property
     def ends(self) -> PlainArray:
         """Ends (2,) of its range `limits` since the start [rad or m]."""
         return np.array(self.limits) - self.value
+
+    def way_beyond_stop(self, way: float) -> float:
+        """How far a coordinate since the start is beyond its range, negative within it."""
+        low, high = self.ends
+        return float(max(low - way, way - high))
+
+    def stops_at(self, way: float, near: float, lead: float) -> PlainArray:
+        """Ends of its range, for stops that act only on a joint beyond them.
+
+        An end that is less than `near` from a coordinate since the start is `lead` within it, so
+        that it acts in the next step [rad or m].
+        """
+        inwards = way - self.ends + (lead, -lead)
+        return np.asarray(self.ends + (np.abs(way - self.ends) < near) * inwards)
 
     @property
     def is_forced(self) -> bool:
@@ -164,6 +193,11 @@ class NeutralLoop:
     b: int
     on_a: PlainArray
     on_b: PlainArray
+
+    @property
+    def points(self) -> tuple:
+        """What it joins: a link and its point at the start, twice."""
+        return (self.a, self.on_a), (self.b, self.on_b)
 
 
 @dataclass(frozen=True)
@@ -196,6 +230,17 @@ class NeutralSpring:
     slack: tuple
     body_a: int
     body_b: int
+
+    @property
+    def points(self) -> tuple:
+        """Its ends: a link and its point at the start, twice."""
+        return (self.a, self.on_a), (self.b, self.on_b)
+
+    @property
+    def free_length(self) -> float:
+        """The length at which alone it is slack [m]; 0 if there is another one, or none."""
+        low, high = self.slack
+        return float(low) if low == high else 0.0
 
     def stretch(self, length: PlainArray) -> PlainArray:
         """Extension [m] at given lengths: 0 where slack, negative where shorter."""
@@ -459,7 +504,17 @@ class NeutralMechanism:
     @property
     def singles(self) -> list:
         """Numbers of the hinges and slides, whose coordinate is a number."""
-        return [j for j, one in enumerate(self.joints) if one.kind in ("hinge", "slide")]
+        return [j for j, one in enumerate(self.joints) if one.is_single]
+
+    @cached_property
+    def laws(self) -> dict:
+        """The contact of two shapes by their numbers, in both orders."""
+        orders = [((one.one, one.two), (one.two, one.one)) for one in self.contacts]
+        return {ends: one for both, one in zip(orders, self.contacts) for ends in both}
+
+    def arm(self, link: int, at: PlainArray) -> PlainArray:
+        """A point of a link, given at the start, from its centre [m]."""
+        return np.asarray(at - self.links[link].centre)
 
     def joints_of(self, link: int) -> list:
         """Numbers of the joints whose child is a link, in the order in which they act."""

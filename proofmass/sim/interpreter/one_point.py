@@ -7,7 +7,7 @@ name, and so is an impact after which shapes should part.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -43,6 +43,55 @@ def balls_of(mechanism: NeutralMechanism, shape: int) -> list[tuple[PlainArray, 
         return [(corner * (one.size - radius), radius) for corner in CORNERS]
     ends = (-1.0, 1.0) if one.kind == "capsule" else (0.0,)
     return [(np.array([0.0, 0.0, end * one.size[1]]), float(one.size[0])) for end in ends]
+
+
+def contact_parts(mechanism: NeutralMechanism) -> Iterator[tuple]:
+    """Balls and half spaces that stand for the shapes of a mechanism.
+
+    Yields
+    ------
+    tuple
+        The number of the shape, the place of the part in the start pose (3,) [m], and its radius
+        [m]; 0 for a half space, whose outer side is that of the third axis of the shape.
+    """
+    for k, one in enumerate(mechanism.shapes):
+        for at, radius in balls_of(mechanism, k) or [(np.zeros(3), 0.0)]:
+            yield k, one.place + one.axes @ at, radius
+
+
+class Impacts:
+    """The impacts of a run, of which those are refused that should bounce.
+
+    Parameters
+    ----------
+    mechanism : NeutralMechanism
+    shapes : dict
+        The number of the shape of each part.
+    """
+
+    def __init__(self, mechanism: NeutralMechanism, shapes: dict) -> None:
+        self.mechanism, self.shapes, self.touching = mechanism, shapes, set[tuple]()
+
+    def refuse_bounces(self, read: Callable[[int], LinkMotion], touches: Iterable[tuple]) -> None:
+        """Refuse an impact since the last call after which shapes should part.
+
+        Parameters
+        ----------
+        read : callable
+            ``read(k)`` is the motion of link number k, the ground excluded.
+        touches : iterable of tuple
+            Of two parts that touch their keys, the point (3,) of each [m], and the normal (3,) from
+            the second to the first.
+        """
+        now = set()
+        for parts, points, normal in touches:
+            now.add(parts)
+            if parts not in self.touching:
+                ends = tuple(self.shapes[one] for one in parts)
+                if ends[0] > ends[1]:
+                    ends, points, normal = ends[::-1], points[::-1], -normal
+                refuse_bounce(self.mechanism, read, self.mechanism.laws[ends], points, normal)
+        self.touching = now
 
 
 def refuse_bounce(

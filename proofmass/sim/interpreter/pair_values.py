@@ -53,43 +53,6 @@ def surface_of(shape: NeutralShape) -> Any:
     return shape.link or shape.name
 
 
-def contact_surfaces(
-    mechanism: NeutralMechanism, friction: Split, restitution: Split
-) -> ContactSurfaces:
-    """The surfaces of a mechanism, whose numbers an engine combines by its rules.
-
-    Parameters
-    ----------
-    mechanism : NeutralMechanism
-    friction, restitution : callable
-        `split_by_product`, or another one: numbers of surfaces from those of pairs.
-
-    Raises
-    ------
-    Refused
-        Two shapes of two links touch and two others do not, or in another way; or there are no
-        such numbers.
-    """
-    parts: dict = {}
-    for one in mechanism.shapes:
-        parts.setdefault(surface_of(one), []).append(one)
-    found: dict = {}
-    for pair in mechanism.contacts:
-        ends = tuple(surface_of(mechanism.shapes[k]) for k in (pair.one, pair.two))
-        found.setdefault(ends if ends[::-1] not in found else ends[::-1], []).append(pair)
-    for (a, b), pairs in found.items():
-        numbers = {(one.friction, one.restitution) for one in pairs}
-        if len(pairs) != len(parts[a]) * len(parts[b]) or len(numbers) > 1:
-            one, two = (mechanism.shapes[k].name for k in (pairs[0].one, pairs[0].two))
-            raise Refused(f"contact of {one} and {two}, which differs from others of their links")
-    laws = {ends: pairs[0] for ends, pairs in found.items()}
-    return ContactSurfaces(
-        laws,
-        friction({ends: one.friction for ends, one in laws.items()}),
-        restitution({ends: one.restitution for ends, one in laws.items()}),
-    )
-
-
 def split_by_product(wanted: PairValues) -> dict:
     """Numbers of surfaces whose products are those that are wanted of pairs.
 
@@ -182,3 +145,40 @@ def check_values(wanted: PairValues, made: PairValues) -> None:
                 f"a friction or restitution of {value:g} between {one} and {two} beside those of "
                 "other pairs: the engine combines numbers of each"
             )
+
+
+def contact_surfaces(
+    mechanism: NeutralMechanism, friction: Split, restitution: Split = split_by_product
+) -> ContactSurfaces:
+    """The surfaces of a mechanism, whose numbers an engine combines by its rules.
+
+    Parameters
+    ----------
+    mechanism : NeutralMechanism
+    friction, restitution : callable
+        `split_by_product`, or another one: numbers of surfaces from those of pairs.
+
+    Raises
+    ------
+    Refused
+        Two shapes of two links touch and two others do not, or in another way; or there are no
+        such numbers.
+    """
+    parts: dict = {}
+    for one in mechanism.shapes:
+        parts.setdefault(surface_of(one), []).append(one)
+    found: dict = {}
+    for pair in mechanism.contacts:
+        ends = tuple(surface_of(mechanism.shapes[k]) for k in (pair.one, pair.two))
+        found.setdefault(ends if ends[::-1] not in found else ends[::-1], []).append(pair)
+    for (a, b), pairs in found.items():
+        numbers = {(one.friction, one.restitution) for one in pairs}
+        if len(pairs) != len(parts[a]) * len(parts[b]) or len(numbers) > 1:
+            one, two = (mechanism.shapes[k].name for k in (pairs[0].one, pairs[0].two))
+            raise Refused(f"contact of {one} and {two}, which differs from others of their links")
+    laws = {ends: pairs[0] for ends, pairs in found.items()}
+    return ContactSurfaces(
+        laws,
+        friction({ends: one.friction for ends, one in laws.items()}),
+        restitution({ends: one.restitution for ends, one in laws.items()}),
+    )

@@ -1,25 +1,35 @@
-"""What scripts of engines of the plane have in common: vectors, senses of joints, lost inertias."""
+"""What scripts of engines of the plane have in common: vectors, bodies, and senses of joints."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from .checks import Refused
+from .checks import Refused, held_joints
+from .geometry import LinkMotion, in_space
 from .mechanism import NeutralGear, NeutralMechanism, PlainArray
+from .readings import slide_motion
 
 
 class PlanarBodies:
     """A planar mechanism in an engine of the plane, which has `scale` units of length in a metre.
+
+    `bodies` are those of the links, which the script adds, and `held` is that of `held_joints`.
 
     Parameters
     ----------
     mechanism : NeutralMechanism
     scale : float
         Units of length of the engine in a metre [1/m].
+    ahead : float
+        Time by which what is read is ahead of the poses of the engine [s].
     """
 
-    def __init__(self, mechanism: NeutralMechanism, scale: float = 1.0) -> None:
-        self.mechanism, self.scale = mechanism, scale
+    def __init__(self, mechanism: NeutralMechanism, scale: float = 1.0, ahead: float = 0.0) -> None:
+        self.mechanism, self.scale, self.ahead = mechanism, scale, ahead
+        self.bodies = list[Any]()
+        self.held = held_joints(mechanism)
 
     def flat(self, vector: PlainArray) -> tuple[float, float]:
         """Components of a vector in the plane, in units of the engine."""
@@ -30,6 +40,14 @@ class PlanarBodies:
         """A point of a link, given in the start pose, in the coordinates of its body."""
         return self.flat(at - self.mechanism.links[k].centre)
 
+    def pair(self, one: Any) -> list[Any]:
+        """The bodies that a joint or a loop joins."""
+        return [self.bodies[k] for k, _ in one.points]
+
+    def joined(self, one: Any) -> list[Any]:
+        """The same bodies, and the points that are joined in their coordinates."""
+        return [*self.pair(one), *(self.local(k, at) for k, at in one.points)]
+
     def sense(self, j: int) -> float:
         """1 if a joint has the sense of the coordinate of the engine, otherwise -1."""
         return self.mechanism.turn_of(j) if self.mechanism.joints[j].kind == "hinge" else 1.0
@@ -37,6 +55,25 @@ class PlanarBodies:
     def unit(self, j: int) -> float:
         """The coordinate of the engine for 1 rad or 1 m of a joint."""
         return self.sense(j) if self.mechanism.joints[j].kind == "hinge" else self.scale
+
+    def pose(self, k: int) -> tuple[list[float], list[float]]:
+        """Centre and rotation since the start (3,), and rates (3,), of a link or the ground."""
+        raise NotImplementedError
+
+    def read(self, k: int) -> LinkMotion:
+        """The motion of a link, see `record`."""
+        pose, rates = map(np.array, self.pose(k))
+        *place, angle = pose + self.ahead * rates
+        return in_space(self.mechanism, k, np.array(place), angle, rates)
+
+    def joint(self, j: int) -> tuple[float, float]:
+        """Coordinate and rate of a hinge or slide, from the poses of its links."""
+        one = self.mechanism.joints[j]
+        if one.kind == "slide":
+            return slide_motion(self.mechanism, j, self.read)
+        (base, before), (moving, rates) = (self.pose(k) for k, _ in one.points)
+        turn, rate = self.sense(j), rates[2] - before[2]
+        return turn * (moving[2] - base[2] + self.ahead * rate), turn * rate
 
 
 def coupled_links(mechanism: NeutralMechanism, gear: NeutralGear) -> tuple[int, int, float]:
@@ -57,39 +94,3 @@ def coupled_links(mechanism: NeutralMechanism, gear: NeutralGear) -> tuple[int, 
     if len(pair) != 2:
         raise Refused(f"gear {gear.name!r}, which couples other than two links")
     return pair[0], pair[1], float(-shares[pair[1]] / shares[pair[0]])
-
-
-def refuse_lost_inertia(
-    mechanism: NeutralMechanism, link: int, least: float, moment: float
-) -> None:
-    """Refuse a link whose inertia is lost beside its mass at a joint, in single precision.
-
-    A joint adds 1 / mass and arm^2 / inertia, and the first is lost if it is too small.
-
-    Parameters
-    ----------
-    mechanism : NeutralMechanism
-    link : int
-    least : float
-        Least inertia in masses times squared arms [1].
-    moment : float
-        The inertia [kg m^2].
-
-    Raises
-    ------
-    Refused
-    """
-    one = mechanism.links[link]
-    ends = [joint.anchor for joint in mechanism.joints if link in (joint.parent, joint.child)]
-    ends += [loop.on_a for loop in mechanism.loops if loop.a == link]
-    ends += [loop.on_b for loop in mechanism.loops if loop.b == link]
-    large = one.mass * max(float(((end - one.centre) ** 2).sum()) for end in ends)
-    if moment < least * large:
-        raise Refused(
-            f"link {one.name!r} with an inertia of {moment:.3g} kg m2, that single precision does "
-            f"not carry beside the {large:.3g} kg m2 of its mass at a joint"
-        )
-
-
-SINGLE_ROUNDING = float(np.finfo(np.float32).eps)
-"""Rounding of single precision [1]."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 
-from .checks import LOST_SIZES, Stopwatch, check_motions
+from .checks import LOST_SIZES, RunEnded, Stopwatch, check_motions
 from .geometry import LinkMotion
 from .joint_rates import follow_joints
 from .mechanism import LinkStates, NeutralMechanism, PlainArray
@@ -44,50 +45,72 @@ def record(
     Returns
     -------
     LinkStates
-        They end before the first sample that is not finite or lost.
+        They end before the first sample that is not finite or lost, or that a step raises
+        `RunEnded` on the way to.
     """
     if mechanism.rest:
         return record_rests(mechanism, step, read, joint)
     states, links = LinkStates.empty(mechanism, joint is not None), range(1, len(mechanism.links))
     count, h, middle = mechanism.count, mechanism.step, mechanism.rates_at < 0
-    number, watch = 0, Stopwatch()
+    number, whole, watch = 0, 0, Stopwatch()
 
     def read_joints() -> dict:
         return {j: joint(j) for j in mechanism.singles} if joint else {}
 
+    def take_differences(sample: int) -> None:
+        """Set accelerations at a sample from the rates behind the step that begins there."""
+        for k in links:
+            rates = (states.velocity, states.acceleration), (states.omega, states.alpha)
+            for (rate, change), now in zip(rates, read(k)[2:]):
+                take_difference(rate[sample, k], change[sample, k], now, h, middle)
+        for j, (_, later, *_) in read_joints().items():
+            _, rate, change = states.coordinates[:, sample, j, None]
+            take_difference(rate, change, later, h, middle)
+
     with watch, np.errstate(all="ignore"):
-        for sample in range(mechanism.samples):
-            motions = [read(k) for k in links]
-            if sample == 0:
-                check_motions(motions)
-            place = np.array([one[0] for one in motions])
-            if not np.isfinite(place).all() or np.abs(place).max() > LOST_SIZES * mechanism.size:
-                found = states.first(sample, f"a position is not finite or lost at sample {sample}")
-                break
-            exact = len(motions[0]) > 4
-            for k, one in zip(links, motions):
-                states.set(sample, k, one)
-            for j, (value, *others) in read_joints().items():
-                row = value + mechanism.joints[j].value, *others
-                states.coordinates[: len(row), sample, j] = row
-            last = sample == mechanism.samples - 1
-            for c in range((0 if exact else 1) if last else count):
-                step(number)
-                number += 1
-                if c == 0 and not exact:
-                    for k in links:
-                        rates = (states.velocity, states.acceleration), (states.omega, states.alpha)
-                        for (rate, change), now in zip(rates, read(k)[2:]):
-                            take_difference(rate[sample, k], change[sample, k], now, h, middle)
-                    for j, (_, later, *_) in read_joints().items():
-                        _, rate, change = states.coordinates[:, sample, j, None]
-                        take_difference(rate, change, later, h, middle)
-        else:
-            found = states
+        try:
+            for sample in range(mechanism.samples):
+                motions = [read(k) for k in links]
+                if sample == 0:
+                    check_motions(motions)
+                check_places(mechanism, motions, sample)
+                exact = len(motions[0]) > 4
+                for k, one in zip(links, motions):
+                    states.set(sample, k, one)
+                for j, (value, *others) in read_joints().items():
+                    row = value + mechanism.joints[j].value, *others
+                    states.coordinates[: len(row), sample, j] = row
+                whole = sample + exact
+                last = sample == mechanism.samples - 1
+                for c in range((0 if exact else 1) if last else count):
+                    step(number)
+                    number += 1
+                    if c == 0 and not exact:
+                        take_differences(sample)
+                    whole = sample + 1
+        except RunEnded as error:
+            states = states.first(whole, str(error))
     if joint and middle:
-        follow_joints(mechanism, found)
-    found.seconds = watch.seconds
-    return found
+        follow_joints(mechanism, states)
+    states.seconds = watch.seconds
+    return states
+
+
+def check_places(mechanism: NeutralMechanism, motions: list, sample: int) -> None:
+    """Raise `RunEnded` if a place is not finite, or too far away."""
+    place = np.array([one[0] for one in motions])
+    if not np.isfinite(place).all() or np.abs(place).max() > LOST_SIZES * mechanism.size:
+        raise RunEnded(f"a position is not finite or lost at sample {sample}")
+
+
+def without_steps(mechanism: NeutralMechanism) -> NeutralMechanism:
+    """The mechanism with one step from sample to sample, for an engine that chooses its own.
+
+    Steps of a run that comes to rest remain.
+    """
+    if mechanism.rest:
+        return mechanism
+    return replace(mechanism, step=mechanism.count * mechanism.step, count=1)
 
 
 def rows_at_samples(mechanism: NeutralMechanism, tables: Iterable[PlainArray]) -> list:

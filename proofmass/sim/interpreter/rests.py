@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from .checks import LOST_SIZES, Stopwatch, check_motions
+from .checks import LOST_SIZES, RunEnded, Stopwatch, check_motions
 from .geometry import LinkMotion
 from .mechanism import LinkStates, NeutralMechanism, WayToRest
 
@@ -21,7 +21,7 @@ CALM_CHECKS = 8
 oscillation is slow where it turns."""
 
 
-class NoRest(Exception):
+class NoRest(RunEnded):
     """A mechanism does not come to rest; the message says why."""
 
 
@@ -40,27 +40,27 @@ def record_rests(
     """
     states, links = LinkStates.empty(mechanism, joint is not None), range(1, len(mechanism.links))
     check_motions([read(k) for k in links])
-    found, steps, watch = states, 0, Stopwatch()
+    whole, steps, watch = 0, 0, Stopwatch()
     with watch, np.errstate(all="ignore"):
-        for sample in range(mechanism.samples):
-            first = sample * mechanism.count
-            try:
+        try:
+            for sample in range(mechanism.samples):
+                first = sample * mechanism.count
                 speed = partial(fastest_link, mechanism, read)
                 steps += come_to_rest(mechanism.rest, partial(step, first), speed)
-            except NoRest as error:
-                found = states.first(sample, f"{error} at sample {sample}")
-                break
-            for k in links:
-                states.place[sample, k], states.turn[sample, k] = read(k)[:2]
-            if joint is not None:
-                for j in mechanism.singles:
-                    value = joint(j)[0] + mechanism.joints[j].value
-                    states.coordinates[:, sample, j] = value, 0.0, 0.0
-            for i in range(1, mechanism.count if sample < mechanism.samples - 1 else 1):
-                step(first + i)
-            steps += mechanism.count - 1
-    found.seconds, found.steps = watch.seconds, steps
-    return found
+                for k in links:
+                    states.place[sample, k], states.turn[sample, k] = read(k)[:2]
+                if joint is not None:
+                    for j in mechanism.singles:
+                        value = joint(j)[0] + mechanism.joints[j].value
+                        states.coordinates[:, sample, j] = value, 0.0, 0.0
+                whole = sample + 1
+                for i in range(1, mechanism.count if whole < mechanism.samples else 1):
+                    step(first + i)
+                steps += mechanism.count - 1
+        except RunEnded as error:
+            states = states.first(whole, f"{error} at sample {whole}")
+    states.seconds, states.steps = watch.seconds, steps
+    return states
 
 
 def come_to_rest(rest: WayToRest, step: Callable[[], None], speed: Callable[[], float]) -> int:

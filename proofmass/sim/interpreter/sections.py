@@ -139,13 +139,13 @@ def planar_contacts(mechanism: NeutralMechanism) -> tuple:
     sections : dict of int to PlaneSection
         By the number of the shape, with points relative to the centres of the links.
     laws : dict of (int, int) to NeutralContact
-        By the numbers of two shapes, the smaller first.
+        By the numbers of two shapes, in both orders.
     """
     needed = sorted({k for pair in mechanism.contacts for k in (pair.one, pair.two)})
     found = {k: section_of(mechanism.shapes[k], mechanism.plane, mechanism.size) for k in needed}
     laws = {
-        (pair.one, pair.two): pair
-        for pair in mechanism.contacts
+        (one, two): pair
+        for (one, two), pair in mechanism.laws.items()
         if meet_in_plane(found[pair.one], found[pair.two], mechanism.size)
     }
     local = {}

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from .checks import Refused
+from .checks import Refused, refuse_damped_balls
 from .geometry import frame_of_axis
 from .mechanism import NeutralJoint, NeutralMechanism, PlainArray
+from .tables import in_time
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def tree_rows(mechanism: NeutralMechanism) -> list[TreeRow]:
     """
     rows, behind = list[TreeRow](), dict[int, int]()
     for j, one in enumerate(mechanism.joints):
-        if one.kind not in ("hinge", "slide"):
+        if not one.is_single:
             continue
         up = behind.get(one.child, behind.get(one.parent, -1))
         if up < 0 and one.parent:
@@ -124,46 +124,6 @@ def joined_points(mechanism: NeutralMechanism) -> list:
     Refused
         A ball or a free joint is damped.
     """
+    refuse_damped_balls(mechanism)
     balls = [one for one in mechanism.joints if one.kind == "ball"]
-    if any(one.damping for one in mechanism.joints if one.kind in ("ball", "free")):
-        raise Refused("damping of a ball or free joint")
-    return [(one.a, one.on_a, one.b, one.on_b) for one in mechanism.loops] + [
-        (one.parent, one.anchor, one.child, one.anchor) for one in balls
-    ]
-
-
-def in_time(
-    step: float, *rows: PlainArray, factor: Any = 1.0, before: int = 0
-) -> Callable[..., Any]:
-    """A function of the time from values at half steps, or from a single value.
-
-    Parameters
-    ----------
-    step : float
-        Time step [s].
-    rows : ndarray (1,) or (2 steps + 1,)
-        Value, derivative, second derivative over 2, and so on.
-    factor : number or ndarray
-        Factor of the value.
-    before : int
-        Number of arguments of the function before the time; it ignores these and those behind it.
-
-    Returns
-    -------
-    callable
-        ``value(t)``, the Taylor polynomial about the half step that is next to a time.
-
-    Examples
-    --------
-    >>> square = in_time(0.2, np.array([0.0, 0.01, 0.04]), np.array([0.0, 0.2, 0.4]))
-    >>> round(square(0.1), 6), round(square(0.11), 6)
-    (0.01, 0.012)
-    """
-    half, most = 0.5 * step, rows[0].size - 1
-
-    def value(*given: Any) -> Any:
-        t = given[before]
-        i = min(round(t / half), most)
-        return factor * sum(float(row[i]) * (t - half * i) ** n for n, row in enumerate(rows))
-
-    return value
+    return [one.points for one in (*mechanism.loops, *balls)]

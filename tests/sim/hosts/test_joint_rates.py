@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from proofmass.run.solve import prescribed_run
-from proofmass.sim.interpreter.impulses import (
-    link_forces,
+from proofmass.sim.interpreter.forces import link_forces
+from proofmass.sim.interpreter.joint_rates import follow_joints
+from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
+from proofmass.sim.interpreter.starts import (
     move_links,
     start_of_links,
     start_openings,
     start_velocity,
 )
-from proofmass.sim.interpreter.joint_rates import follow_joints
-from proofmass.sim.interpreter.mechanism import LinkStates, NeutralMechanism
 from proofmass.sim.neutral import NeutralReader, read_mechanism
 from tests.shipped import shipped, shipped_case
 
@@ -85,7 +85,7 @@ def test_a_start_opens_loops_by_a_step_of_their_rate(name):
 def test_the_plain_reading_starts_closed(name):
     mechanism = reader_of(name).mechanism()
     assert not start_openings(mechanism, 1.0).any()
-    places, turns, velocities = start_of_links(mechanism)
+    places, turns, velocities = map(np.array, zip(*start_of_links(mechanism), strict=True))
     assert np.array_equal(places, [one.centre for one in mechanism.links])
     assert np.array_equal(velocities, [one.velocity for one in mechanism.links])
     assert not turns.any()

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from proofmass.run.solve import prescribed_run
-from proofmass.sim.interpreter.impulses import armatures_with_rotors, drive_rates, joint_forces
+from proofmass.sim.interpreter.forces import drive_rates, joint_forces
+from proofmass.sim.interpreter.inertias import armatures_with_rotors
 from proofmass.sim.interpreter.mechanism import NeutralMechanism
 from proofmass.sim.interpreter.record import rows_at_samples
 from proofmass.sim.interpreter.tree import one_joint_each, tree_forces, tree_rows

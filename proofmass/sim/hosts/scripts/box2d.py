@@ -38,7 +38,7 @@ class Box2dWorld(host.PlanarBodies):
     """A mechanism in a world of Box2D: `bodies` of the links and `joints`."""
 
     def __init__(self, mechanism, settings):
-        free, defaults = host.free_rows(mechanism), settings["defaults"]
+        defaults = settings["defaults"]
         tuned = mechanism.contacts and not defaults
         super().__init__(mechanism, UNITS_WITH_CONTACTS / mechanism.size if tuned else 1.0)
         self.iterations = BOX2D_ITERATIONS if defaults else (settings["iterations"],) * 2
@@ -48,12 +48,9 @@ class Box2dWorld(host.PlanarBodies):
         for k in range(1, len(mechanism.links)):
             self.add_link(k, defaults)
         self.add_contacts(defaults)
-        self.joints = [
-            None if j in free else self.add_joint(j) for j in range(len(mechanism.joints))
-        ]
+        self.joints = {j: self.add_joint(j) for j in self.held}
         for loop in mechanism.loops:
-            ends = self.local(loop.a, loop.on_a), self.local(loop.b, loop.on_b)
-            self.pin(self.bodies[loop.a], self.bodies[loop.b], *ends)
+            self.pin(loop)
         for gear in mechanism.gears:
             ratio = -gear.ratio * self.sense(gear.one) * self.sense(gear.two)
             one, two = self.joints[gear.one], self.joints[gear.two]
@@ -63,18 +60,13 @@ class Box2dWorld(host.PlanarBodies):
     def add_link(self, k, may_sleep):
         """Add the body of a link."""
         link, normal = self.mechanism.links[k], self.mechanism.plane[2]
-        moment = float(normal @ host.inertia_with_armature(self.mechanism, k) @ normal)
+        moment = host.moment_in_plane(self.mechanism, k)
         host.refuse_lost_inertia(self.mechanism, k, host.SINGLE_ROUNDING, moment)
-        body = self.world.CreateDynamicBody(
-            position=self.flat(link.centre),
-            linearVelocity=self.flat(link.velocity),
-            angularVelocity=float(link.omega @ normal),
-            allowSleep=may_sleep,
-        )
+        given = {"position": self.flat(link.centre), "linearVelocity": self.flat(link.velocity)}
+        given |= {"angularVelocity": float(link.omega @ normal), "allowSleep": may_sleep}
+        body, inertia = self.world.CreateDynamicBody(**given), self.scale**2 * moment
         self.bodies.append(body)
-        self.masses[body] = box2d.b2MassData(
-            mass=link.mass, center=(0.0, 0.0), I=self.scale**2 * moment
-        )
+        self.masses[body] = box2d.b2MassData(mass=link.mass, center=(0.0, 0.0), I=inertia)
         body.massData = self.masses[body]
 
     def add_contacts(self, defaults):
@@ -95,32 +87,30 @@ class Box2dWorld(host.PlanarBodies):
 
         class Laws(box2d.b2ContactListener):
             def PreSolve(self, contact, _):
-                ends = contact.fixtureA.userData, contact.fixtureB.userData
-                law = laws.get(tuple(sorted(ends)))
+                law = laws.get((contact.fixtureA.userData, contact.fixtureB.userData))
                 contact.enabled = law is not None
                 if law:
                     contact.friction, contact.restitution = law.friction, law.restitution
 
         self.world.contactListener = self.laws = Laws()
 
-    def pin(self, a, b, on_a, on_b):
-        """Join points of two bodies."""
-        ends = {"localAnchorA": on_a, "localAnchorB": on_b, "collideConnected": True}
-        return self.world.CreateRevoluteJoint(bodyA=a, bodyB=b, **ends)
+    def pin(self, one):
+        """Join the points of a hinge or a loop."""
+        names = "bodyA", "bodyB", "localAnchorA", "localAnchorB"
+        ends = dict(zip(names, self.joined(one)), collideConnected=True)
+        return self.world.CreateRevoluteJoint(**ends)
 
     def add_joint(self, j):
         """Add a hinge or slide, with a motor if it is driven or has dry friction."""
         joint = self.mechanism.joints[j]
         limit = MOTOR_LIMIT if self.mechanism.drive_of(j) else self.mechanism.friction_of(j)
-        pair = self.bodies[joint.parent], self.bodies[joint.child]
         if joint.kind == "hinge":
-            ends = (self.local(k, joint.anchor) for k in (joint.parent, joint.child))
-            made = self.pin(*pair, *ends)
+            made = self.pin(joint)
             made.maxMotorTorque = self.scale**2 * limit
         else:
             place = {"anchor": self.flat(joint.anchor), "axis": self.flat(joint.axis)}
-            place |= {"collideConnected": True}
-            made = self.world.CreatePrismaticJoint(bodyA=pair[0], bodyB=pair[1], **place)
+            ends = dict(zip(("bodyA", "bodyB"), self.pair(joint)), collideConnected=True)
+            made = self.world.CreatePrismaticJoint(**ends, **place)
             made.maxMotorForce = self.scale * limit
         made.motorEnabled = limit > 0.0
         if joint.limits:
@@ -146,26 +136,24 @@ class Box2dWorld(host.PlanarBodies):
         if speed * mechanism.step > SHORTENED * box2d.b2_maxTranslation:
             raise host.Refused("steps in which a link goes by more than Box2D's 2 units of length")
 
-    def read(self, k):
-        """The motion of a link."""
+    def pose(self, k):
+        """Place, rotation and rates of a link in Box2D; of one beyond the half planes no place."""
         body = self.bodies[k]
-        rates = np.array([*body.linearVelocity / self.scale, body.angularVelocity])
         place = np.array(body.worldCenter) / self.scale
         if self.mechanism.contacts and np.abs(place).max() > PLANE_REACH * self.mechanism.size:
             place = place * np.nan
-        return host.in_space(self.mechanism, k, place, body.angle, rates)
+        return [*place, body.angle], [*body.linearVelocity / self.scale, body.angularVelocity]
 
     def joint(self, j):
         """Coordinate and rate of a hinge or slide."""
-        made, unit = self.joints[j], self.unit(j)
-        if made is None:
+        if j not in self.joints:
             return np.nan, np.nan
+        made, unit = self.joints[j], self.unit(j)
         hinge = self.mechanism.joints[j].kind == "hinge"
         return (made.angle if hinge else made.translation) / unit, made.speed / unit
 
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the world through the run."""
-    host.refuse_rows(mechanism, host.free_rows(mechanism))
     world = Box2dWorld(mechanism, settings)
     return host.record(mechanism, world.step, world.read, world.joint)

@@ -16,15 +16,8 @@ import pybullet as bullet
 VERSIONS = {"pybullet": version("pybullet"), "numpy": np.__version__}
 ERROR_REDUCTION, NO_LIMIT = 1.0, 1e12  # a step closes all of an opening, unless by default
 SELF = bullet.URDF_USE_SELF_COLLISION | bullet.URDF_USE_SELF_COLLISION_INCLUDE_PARENT
-SPACE_REACH = (
-    100.0  # half side of the box for a half space, in sizes: a plane touches corner by corner
-)
-NEAR_STOP, STOP_WAY = 1e-9, 1e-15  # distance of a joint on its stop, and its way there in a step
-
-
-def matrix(quaternion):
-    """The rotation matrix of a quaternion of Bullet (x, y, z, w)."""
-    return host.matrix_of(np.roll(quaternion, 1))
+SPACE_REACH = 100.0  # half side of a box for a half space, in sizes: a plane touches by one corner
+NEAR_STOP, STOP_WAY = 1e-9, 1e-15  # of a joint on its stop, which acts only on one beyond it
 
 
 class BulletTrees:
@@ -43,8 +36,11 @@ class BulletTrees:
             own = {"solverResidualThreshold": 0.0, "erp": ERROR_REDUCTION, "useSplitImpulse": 0}
             bullet.setPhysicsEngineParameter(numSolverIterations=settings["iterations"], **own)
         for loop in mechanism.loops:
-            a, b = (loop.a, loop.on_a), (loop.b, loop.on_b)
-            self.join(*(a, b) if loop.a else (b, a))
+            ends = loop.points[:: 1 if loop.a else -1]  # the first is not the ground
+            points = [list(self.axes(k).T @ mechanism.arm(k, at)) for k, at in ends]
+            links = [one for k, _ in ends for one in self.places[k]]
+            made = bullet.createConstraint(*links, bullet.JOINT_POINT2POINT, [0.0] * 3, *points)
+            bullet.changeConstraint(made, maxForce=NO_LIMIT)
         for gear in mechanism.gears:
             ends = *self.joints[gear.one], *self.joints[gear.two]
             made = bullet.createConstraint(*ends, bullet.JOINT_GEAR, *[[0.0] * 3] * 3)
@@ -54,18 +50,15 @@ class BulletTrees:
 
     def add_contacts(self, defaults):
         """Let the pairs of links and shapes of the ground touch, with the law of each."""
-        by_product = host.split_by_product
-        found = host.contact_surfaces(self.mechanism, by_product, by_product)
+        found = host.contact_surfaces(self.mechanism, host.split_by_product)
         reach = SPACE_REACH * self.mechanism.size
         places = {k: place for k, place in self.places.items() if k}
         for k, one in enumerate(self.mechanism.shapes):
             if not one.link:
                 turn = bullet.getQuaternionFromEuler(host.angles_of(one.axes))
                 where = {"basePosition": one.place, "baseOrientation": turn}
-                places[one.name] = (
-                    self.load(f"ground{k}", host.ground_urdf(one, reach), **where),
-                    -1,
-                )
+                body = self.load(f"ground{k}", host.ground_urdf(one, reach), **where)
+                places[one.name] = body, -1
         for place in places.values():
             bullet.setCollisionFilterGroupMask(*place, 0, 0)
         for (a, i), (b, j) in ((places[one], places[two]) for one, two in found.pairs):
@@ -100,23 +93,14 @@ class BulletTrees:
             if info[12].startswith(b"link"):
                 self.places[int(info[12][4:])] = body, i
 
-    def join(self, *ends):
-        """Join two links, of which the first is not the ground, at points of the start pose."""
-        points = [list(self.axes(k).T @ (at - self.mechanism.links[k].centre)) for k, at in ends]
-        links = [one for k, _ in ends for one in self.places[k]]
-        made = bullet.createConstraint(*links, bullet.JOINT_POINT2POINT, [0.0] * 3, *points)
-        bullet.changeConstraint(made, maxForce=NO_LIMIT)
-
     def axes(self, k):
         """The principal axes of inertia of a link in the start pose, to which Bullet turns it."""
-        return matrix(bullet.getDynamicsInfo(*self.places[k])[4]) if k else np.eye(3)
+        return host.matrix_of_xyzw(bullet.getDynamicsInfo(*self.places[k])[4]) if k else np.eye(3)
 
     def start(self, j, motion):
         """Set the coordinates and rates of a joint; its motor at rest is its dry friction."""
         joint, at, turn = self.mechanism.joints[j], self.joints.get(j), [*motion[0] / 2, 1.0]
         link, base = self.mechanism.links[joint.child], self.mechanism.links[joint.parent]
-        if joint.armature:
-            raise host.Refused(f"Bullet has no armature, such as that of joint {joint.name!r}")
         if joint.kind == "free":
             k, body = joint.child, self.places[joint.child][0]
             frame, half = np.array(bullet.getBasePositionAndOrientation(body)[1]), motion[0] / 2
@@ -139,18 +123,12 @@ class BulletTrees:
             bullet.setJointMotorControl2(*self.joints[j], bullet.TORQUE_CONTROL, force=force)
         for j, joint in enumerate(self.mechanism.joints):
             if joint.limits:
-                self.hold_stops(self.joints[j], joint.ends)
+                low, high = joint.stops_at(self.joint(j)[0], NEAR_STOP, STOP_WAY)
+                bullet.changeDynamics(*self.joints[j], jointLowerLimit=low, jointUpperLimit=high)
         for k, place, force, moment in host.link_forces(self.mechanism, i, self.read):
             bullet.applyExternalForce(*self.places[k], force, place, bullet.WORLD_FRAME)
             bullet.applyExternalTorque(*self.places[k], moment, bullet.WORLD_FRAME)
         bullet.stepSimulation()
-
-    def hold_stops(self, where, ends):
-        """Move a stop that a joint rests on inwards: Bullet's acts on a joint beyond it only."""
-        value = bullet.getJointState(*where)[0]
-        inwards = value - ends + (STOP_WAY, -STOP_WAY)
-        low, high = ends + (np.abs(value - ends) < NEAR_STOP) * inwards
-        bullet.changeDynamics(*where, jointLowerLimit=low, jointUpperLimit=high)
 
     def read(self, k):
         """The motion of a link."""
@@ -160,7 +138,7 @@ class BulletTrees:
         else:
             state = bullet.getLinkState(body, i, 1, 1)
             rates = state[6:8]  # its orientation number 5 is in single precision
-        turn = matrix(state[1]) @ self.axes(k).T
+        turn = host.matrix_of_xyzw(state[1]) @ self.axes(k).T
         return np.array(state[0]), turn, *map(np.array, rates)
 
     def joint(self, j):
@@ -170,6 +148,7 @@ class BulletTrees:
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the trees through the run."""
+    host.refuse_armatures(mechanism, "Bullet")
     bullet.connect(bullet.DIRECT)
     try:
         trees = BulletTrees(mechanism, settings)

@@ -28,7 +28,6 @@ SHAPES = {
     "capsule": lambda size: dart.dynamics.CapsuleShape(size[0], 2.0 * size[1]),
     "cylinder": lambda size: dart.dynamics.CylinderShape(size[0], 2.0 * size[1]),
 }
-SINGLE = "hinge", "slide"
 
 
 class DartTree:
@@ -60,12 +59,11 @@ class DartTree:
         openings = host.start_openings(mechanism, ERROR_REDUCTIONS[defaults])
         for made, joint, motion in zip(self.joints, mechanism.joints, openings):
             one = [motion.sum(axis=0) @ joint.axis]
-            made.setPositions(one if joint.kind in SINGLE else motion.ravel()[: made.getNumDofs()])
+            made.setPositions(one if joint.is_single else motion.ravel()[: made.getNumDofs()])
 
     def add_contacts(self, defaults):
         """Add the shapes, let their pairs alone touch, and give each its law."""
-        rules, bodies = (host.split_by_minimum, host.split_by_product), {}
-        found = host.contact_surfaces(self.mechanism, *rules)
+        found, bodies = host.contact_surfaces(self.mechanism, host.split_by_minimum), {}
         self.skeleton.enableSelfCollisionCheck()
         self.skeleton.enableAdjacentBodyCheck()
         for one in self.mechanism.shapes:
@@ -98,8 +96,6 @@ class DartTree:
         node, origin = self.nodes[base], self.origins[base]
         for j in own:
             joint = self.mechanism.joints[j]
-            if joint.armature:
-                raise host.Refused(f"DART has no armature, such as that of joint {joint.name!r}")
             anchor = link.centre if joint.kind == "free" else joint.anchor
             node = self.add_joint(j, node, anchor - origin)
             origin = anchor
@@ -116,7 +112,7 @@ class DartTree:
         place.set_translation(offset)
         made.setTransformFromParentBodyNode(place)
         rates = self.mechanism.start_rates(j)
-        if joint.kind in SINGLE:
+        if joint.is_single:
             made.setAxis(joint.axis)
         elif joint.kind == "free":  # whose frame is at the centre
             velocity = host.start_velocity(self.mechanism, joint.child)
@@ -124,7 +120,7 @@ class DartTree:
         made.setVelocities(rates)
         if self.mechanism.drive_of(j):
             made.setActuatorType(VELOCITY)
-        if joint.kind in SINGLE:
+        if joint.is_single:
             made.setCoulombFriction(0, self.mechanism.friction_of(j))
         if joint.limits:
             made.setPositionLowerLimit(0, joint.ends[0])
@@ -135,12 +131,11 @@ class DartTree:
 
     def step(self, i):
         """Step number i, with the forces on joints and links, and the rates of drives."""
-        mechanism = self.mechanism
-        for j, rate in host.drive_rates(mechanism, i, self.joint):
+        for j, rate in host.drive_rates(self.mechanism, i, self.joint):
             self.joints[j].setCommand(0, rate)
-        for j, force in host.joint_forces(mechanism, i, self.joint):
+        for j, force in host.joint_forces(self.mechanism, i, self.joint):
             self.joints[j].setForce(0, force)
-        for k, place, force, moment in host.link_forces(mechanism, i, self.read):
+        for k, place, force, moment in host.link_forces(self.mechanism, i, self.read):
             self.nodes[k].addExtForce(force, place, False, False)
             self.nodes[k].addExtTorque(moment, False)
         self.world.step()
@@ -159,5 +154,6 @@ class DartTree:
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the skeleton through the run."""
     host.refuse_gears(mechanism, "dartpy")
+    host.refuse_armatures(mechanism, "DART")
     tree = DartTree(mechanism, settings["defaults"])
     return host.record(mechanism, tree.step, tree.read, tree.joint)

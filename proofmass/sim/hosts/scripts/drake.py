@@ -7,7 +7,6 @@ half spaces by the approximation kLagged: with kSap what slides lifts off.  Slac
 motors and powers of springs are constant in a step.
 """
 
-from dataclasses import replace
 from importlib.metadata import version
 
 import numpy as np
@@ -36,37 +35,26 @@ class DrakeRun:
 
     def __init__(self, mechanism, settings):
         self.mechanism, self.exact, self.number = mechanism, settings["scheme"] == "continuous", 0
-        slack = tuple(one for one in mechanism.springs if not 0 < one.slack[0] == one.slack[1])
-        self.by_hand, self.tree = replace(mechanism, springs=slack), host.one_joint_each(mechanism)
-        held = mechanism.loops or mechanism.gears or mechanism.drives or mechanism.rest
-        held = held or slack or mechanism.contacts
-        acts = any(
-            one.limits or one.friction or one.is_forced or one.spring[1:].any()
-            for one in mechanism.joints
-        )
-        if self.exact and (held or acts or any(one.share.size > 1 for one in mechanism.loads)):
-            raise host.Refused("other than free trees with linear springs in continuous time")
-        builder, approximation = DiagramBuilder(), plant.DiscreteContactApproximation.kSap
-        if mechanism.contacts:
-            self.plant, self.scene = plant.AddMultibodyPlantSceneGraph(builder, mechanism.step)
-            approximation = plant.DiscreteContactApproximation.kLagged
-        else:
-            self.plant = plant.MultibodyPlant(0.0 if self.exact else mechanism.step)
+        if self.exact:
+            host.refuse_other_than_free_trees(mechanism)
+        self.tree, self.by_hand = host.one_joint_each(mechanism), host.beside_linear(mechanism)
+        builder, step = DiagramBuilder(), 0.0 if self.exact else mechanism.step
+        self.plant, self.scene = plant.AddMultibodyPlantSceneGraph(builder, step)
         if not (settings["defaults"] or self.exact):
-            self.plant.set_discrete_contact_approximation(approximation)
+            rules = plant.DiscreteContactApproximation
+            rule = rules.kLagged if mechanism.contacts else rules.kSap
+            self.plant.set_discrete_contact_approximation(rule)
         self.plant.mutable_gravity_field().set_gravity_vector(mechanism.gravity)
         self.armatures = host.armatures_with_rotors(mechanism, ROTOR_SHARE)
         self.bodies = [self.add_body(k, one) for k, one in enumerate(self.tree.links)]
         self.plant.WeldFrames(self.plant.world_frame(), self.bodies[0].body_frame())
         self.joints = [self.add_joint(j, one) for j, one in enumerate(self.tree.joints)]
         self.connect()
-        self.parts, self.touching = {}, set()
         if mechanism.contacts:
             self.add_contacts(settings["defaults"])
         self.plant.Finalize()
-        self.simulator = Simulator(builder.Build() if mechanism.contacts else self.plant)
-        root = self.simulator.get_mutable_context()
-        self.context = self.plant.GetMyMutableContextFromRoot(root) if mechanism.contacts else root
+        self.simulator = Simulator(builder.Build())
+        self.context = self.plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
         self.start()
         if self.exact:
             self.simulator.get_mutable_integrator().set_target_accuracy(ACCURACY)
@@ -76,14 +64,13 @@ class DrakeRun:
         """Add a link, whose frame has its origin at the centre; between joints it has no mass."""
         inertia = tree.SpatialInertia.Zero()
         if link.mass:
-            six = (link.inertia / link.mass)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-            unit = tree.UnitInertia(*six)
+            unit = tree.UnitInertia(*link.six_moments / link.mass)
             inertia = tree.SpatialInertia(link.mass, np.zeros(3), unit, skip_validity_check=True)
         return self.plant.AddRigidBody(f"link {k}", inertia)
 
     def end(self, k, at):
         """The body of a link and a point of it, given at the start."""
-        return self.bodies[k], at - self.tree.links[k].centre
+        return self.bodies[k], self.tree.arm(k, at)
 
     def add_joint(self, j, one):
         """Add a joint with its spring; a ball in discrete time is a free body with a constraint."""
@@ -106,64 +93,44 @@ class DrakeRun:
             friction = self.mechanism.friction_of(j)
             rotor = self.plant.AddJointActuator(f"rotor {j}", joint, friction or np.inf)
             rotor.set_default_rotor_inertia(self.armatures[j])
-            if friction and self.mechanism.rest:
-                what = f"dry friction of joint {one.name!r} in a sweep"
-                raise host.Refused(f"{what}: a motor of Drake with a limit creeps while it holds")
             if friction:
                 rotor.set_controller_gains(tree.PdControllerGains(p=LEAST_GAIN, d=FRICTION_GAIN))
         return joint
 
     def connect(self):
         """Add loops, balls, gears, and springs of Drake between points."""
-        for a, on_a, b, on_b in [] if self.exact else host.joined_points(self.mechanism):
+        for (a, on_a), (b, on_b) in [] if self.exact else host.joined_points(self.mechanism):
             self.plant.AddBallConstraint(*self.end(a, on_a), *self.end(b, on_b))
         for one in self.mechanism.springs:
-            free, ends = one.slack[0], (*self.end(one.a, one.on_a), *self.end(one.b, one.on_b))
-            if 0 < free == one.slack[1]:
-                spring = tree.LinearSpringDamper(*ends, free, one.stiffness, one.damping)
-                self.plant.AddForceElement(spring)
+            if one.free_length:
+                ends = [part for k, at in one.points for part in self.end(k, at)]
+                law = one.free_length, one.stiffness, one.damping
+                self.plant.AddForceElement(tree.LinearSpringDamper(*ends, *law))
         for one in self.mechanism.gears:
             self.plant.AddCouplerConstraint(self.joints[one.one], self.joints[one.two], one.ratio)
 
     def add_contacts(self, defaults):
         """Add half spaces and balls, which touch in one point each, with the friction of pairs."""
-        mechanism, filters = self.mechanism, self.scene.collision_filter_manager()
+        mechanism, filters, parts = self.mechanism, self.scene.collision_filter_manager(), {}
         self.plant.set_adjacent_bodies_collision_filters(False)
         surfaces = host.contact_surfaces(mechanism, host.split_by_harmonic_mean, dict)
-        self.laws = {(pair.one, pair.two): pair for pair in mechanism.contacts}
         weight = sum(one.mass for one in mechanism.links) * np.linalg.norm(mechanism.gravity)
         stiffness = max(weight, 1.0) / (GIVES_WAY * mechanism.size)
         own = {} if defaults else {"dissipation": DISSIPATION, "point_stiffness": stiffness}
-        for k, one in enumerate(mechanism.shapes):
-            given, friction = (
-                geometry.ProximityProperties(),
-                surfaces.frictions[host.surface_of(one)],
-            )
-            law = plant.CoulombFriction(friction, friction)
-            geometry.AddContactMaterial(properties=given, friction=law, **own)
-            parts = [(at, geometry.Sphere(radius)) for at, radius in host.balls_of(mechanism, k)]
-            for n, (at, part) in enumerate(parts or [(np.zeros(3), geometry.HalfSpace())]):
-                body, arm = self.end(one.link, one.place + one.axes @ at)
-                place = RigidTransform(RotationMatrix(one.axes), arm)
-                made = self.plant.RegisterCollisionGeometry(body, place, part, f"{k} {n}", given)
-                self.parts[made] = k
-        for one, k in self.parts.items():
-            others = [b for b, j in self.parts.items() if (min(j, k), max(j, k)) not in self.laws]
+        for n, (k, at, radius) in enumerate(host.contact_parts(mechanism)):
+            given, one = geometry.ProximityProperties(), mechanism.shapes[k]
+            friction = plant.CoulombFriction(*[surfaces.frictions[host.surface_of(one)]] * 2)
+            geometry.AddContactMaterial(properties=given, friction=friction, **own)
+            part = geometry.Sphere(radius) if radius else geometry.HalfSpace()
+            body, arm = self.end(one.link, at)
+            place = RigidTransform(RotationMatrix(one.axes), arm)
+            made = self.plant.RegisterCollisionGeometry(body, place, part, f"part {n}", given)
+            parts[made] = k
+        for one, k in parts.items():
+            others = [b for b, j in parts.items() if (j, k) not in mechanism.laws]
             ends = geometry.GeometrySet(one), geometry.GeometrySet(others)
             filters.Apply(geometry.CollisionFilterDeclaration().ExcludeBetween(*ends))
-
-    def refuse_bounces(self):
-        """Refuse an impact after which shapes should part, as Drake's do not."""
-        query, touching = self.plant.get_geometry_query_input_port().Eval(self.context), set()
-        for one in query.ComputePointPairPenetration():
-            ids, points = (one.id_A, one.id_B), (one.p_WCa, one.p_WCb)
-            touching.add(ids)
-            if ids not in self.touching:
-                ends, normal = tuple(self.parts[part] for part in ids), one.nhat_BA_W
-                if ends[0] > ends[1]:
-                    ends, points, normal = ends[::-1], points[::-1], -normal
-                host.refuse_bounce(self.mechanism, self.read, self.laws[ends], points, normal)
-        self.touching = touching
+        self.impacts = host.Impacts(mechanism, parts)
 
     def start(self):
         """Set coordinates and rates of the start; all coordinates are 0 if the loops are closed."""
@@ -177,7 +144,7 @@ class DrakeRun:
                 rates[v : v + 6] = *link.omega, *host.start_velocity(self.mechanism, one.child)
                 continue
             rates[v : v + joint.num_velocities()] = self.mechanism.start_rates(j)
-            if one.kind in SINGLE:
+            if one.is_single:
                 values[q] = (turn + way) @ one.axis
         self.plant.SetPositions(self.context, values)
         self.plant.SetVelocities(self.context, rates)
@@ -192,9 +159,8 @@ class DrakeRun:
         """Apply the forces of step number i that are not Drake's own, at its beginning."""
         forces, pushes = np.zeros(self.plant.num_velocities()), []
         places = [one.velocity_start() for one in self.joints]
-        for j in self.mechanism.singles:
-            one = self.mechanism.joints[j]
-            forces[places[j]] = one.force_in(i) + one.force_of_powers(one.value + self.joint(j)[0])
+        for j, force in host.joint_forces(self.by_hand, i, self.joint):
+            forces[places[j]] = force
         for j, rate in host.drive_rates(self.mechanism, i, self.joint):
             forces[places[j]] = self.armatures[j] * (rate - self.joint(j)[1]) / self.mechanism.step
         for k, place, force, moment in host.link_forces(self.by_hand, i, self.read):
@@ -213,7 +179,10 @@ class DrakeRun:
         """Make step number i."""
         self.apply(i)
         if self.mechanism.contacts:
-            self.refuse_bounces()
+            query = self.plant.get_geometry_query_input_port().Eval(self.context)
+            pairs = query.ComputePointPairPenetration()
+            touches = [((a.id_A, a.id_B), (a.p_WCa, a.p_WCb), a.nhat_BA_W) for a in pairs]
+            self.impacts.refuse_bounces(self.read, touches)
         self.number += 1  # at rest a step is repeated
         self.simulator.AdvanceTo(self.number * self.mechanism.step)
 
@@ -229,5 +198,7 @@ class DrakeRun:
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step through the run, and read the links and the joints."""
+    if mechanism.rest:
+        host.refuse_friction(mechanism, "in a sweep: a motor with a limit creeps while it holds")
     run = DrakeRun(mechanism, settings)
     return host.record(mechanism, run.step, run.read, run.joint)

@@ -17,6 +17,7 @@ COORDINATES = "Coordinates Coordinates_t Coordinates_tt"
 KINDS = {"hinge": exu.JointType.RevoluteZ, "slide": exu.JointType.PrismaticZ}
 STATIC_STEPS = 2  # static solutions from sample to sample
 SHORT_SHARE = 0.01  # length of the steps at the start, in steps
+START = exu.ConfigurationType.Initial
 
 
 class ExudynSystem:
@@ -27,7 +28,7 @@ class ExudynSystem:
         self.mbs, self.rows = exu.SystemContainer().AddSystem(), host.tree_rows(mechanism)
         self.last = {row.joint.child: k for k, row in enumerate(self.rows)}
         self.tree, self.node = self.add_tree() if self.rows else (None, None)
-        self.bodies = {0: self.mbs.CreateGround()}
+        self.bodies, self.full = {0: self.mbs.CreateGround()}, False
         for k in set(range(1, len(links))) - set(self.last):
             given = {"initialVelocity": links[k].velocity, "initialAngularVelocity": links[k].omega}
             given |= {"referencePosition": links[k].centre, "gravity": mechanism.gravity}
@@ -59,7 +60,7 @@ class ExudynSystem:
     def local(self, k, at):
         """A link in Exudyn's words, its axes in the world at the start, and a point in them."""
         if k not in self.last:
-            return {"bodyNumber": self.bodies[k]}, np.eye(3), at - self.mechanism.links[k].centre
+            return {"bodyNumber": self.bodies[k]}, np.eye(3), self.mechanism.arm(k, at)
         link, row = {"objectNumber": self.tree, "linkNumber": self.last[k]}, self.rows[self.last[k]]
         return link, row.frame, row.frame.T @ (at - row.joint.anchor)
 
@@ -82,12 +83,11 @@ class ExudynSystem:
             pair = [places[one.one], places[one.two]]
             mbs.CreateCoordinateConstraint("", [node, node], pair, factor1=one.ratio)
         world, fixed = np.eye(3), [1, 1, int(not flat), 0, 0, 0]
-        for a, on_a, b, on_b in host.joined_points(mechanism):
-            axes = mechanism.plane if flat else world
-            ends = [self.marker(a, on_a, axes), self.marker(b, on_b, axes)]
+        for points in host.joined_points(mechanism):
+            ends = [self.marker(*point, mechanism.plane if flat else world) for point in points]
             mbs.CreateGenericJoint(itemNumbers=ends, constrainedAxes=fixed)
         for one in mechanism.springs:
-            ends = [self.marker(one.a, one.on_a, world), self.marker(one.b, one.on_b, world)]
+            ends = [self.marker(*point, world) for point in one.points]
             given = {"springForceUserFunction": lambda m, t, n, x, v, *_, one=one: one.pull(x, v)}
             mbs.CreateSpringDamper(itemNumbers=ends, referenceLength=0.0, **given)
         for one in mechanism.loads:
@@ -108,19 +108,19 @@ class ExudynSystem:
         kinds = [getattr(exu.OutputVariableType, name) for name in names]
         return [self.mbs.AddSensor(kind(**given, outputVariableType=one)) for one in kinds]
 
-    def wanted(self, full):
+    def wanted(self):
         """Settings of a solver, with full pivoting if it is asked for."""
         wanted = exu.SimulationSettings()
         wanted.solution.file.write = False
         wanted.solution.sensors.writePeriod = self.mechanism.count * self.mechanism.step
-        if full:
+        if self.full:
             wanted.linearSolver.solverType = exu.LinearSolverType.EigenDense
             wanted.linearSolver.ignoreSingularJacobian = True
         return wanted
 
-    def solve(self, steps, step, full, first=False):
+    def solve(self, steps, step, first=False):
         """Solve from the start; the engine sets the accelerations there if it is the `first`."""
-        wanted = self.wanted(full)
+        wanted = self.wanted()
         time, newton = wanted.timeIntegration, wanted.timeIntegration.newton
         time.numberOfSteps, time.endTime, time.verboseMode = steps, steps * step, 0
         rule = time.generalizedAlpha
@@ -131,34 +131,33 @@ class ExudynSystem:
             rule.computeInitialAccelerations, rule.resetAccelerations = first, False
         self.mbs.SolveDynamic(wanted, showCausingItems=False)
 
-    def solve_rests(self, duration, steps, full):
+    def solve_rests(self, duration, steps):
         """Solve equilibria over a duration from the start, which is then that of its end."""
-        wanted, system = self.wanted(full), self.mbs.systemData
+        wanted, system = self.wanted(), self.mbs.systemData
         static = wanted.staticSolver
         static.numberOfLoadSteps, static.loadStepDuration, static.verboseMode = steps, duration, 0
         static.newton.relativeTolerance = static.newton.absoluteTolerance = 1e-10
         static.useLoadFactor = False
         self.mbs.SolveStatic(wanted, showCausingItems=False)
-        system.SetSystemState(system.GetSystemState(), exu.ConfigurationType.Initial)
+        system.SetSystemState(system.GetSystemState(), START)
 
-    def run(self, full=False):
+    def run(self):
         """Solve for all samples, if possible, and return whether it came to the end."""
         system, short = self.mbs.systemData, SHORT_SHARE * self.mechanism.step
-        start = exu.ConfigurationType.Initial
         try:
             if self.mechanism.rest:
                 length = self.mechanism.steps * self.mechanism.step or short
-                self.solve_rests(short, 1, full)
-                self.solve_rests(length, static_steps(self.mechanism), full)
+                self.solve_rests(short, 1)
+                self.solve_rests(length, static_steps(self.mechanism))
                 return True
             if not self.settings["defaults"]:
-                rates = [system.GetODE2Coordinates_t(start)]
+                rates = [system.GetODE2Coordinates_t(START)]
                 for steps in (1, 2):
-                    self.solve(steps, short, full, first=True)
+                    self.solve(steps, short, first=True)
                     rates.append(system.GetODE2Coordinates_t())
                 change = (4.0 * rates[1] - 3.0 * rates[0] - rates[2]) / (2.0 * short)
-                system.SetODE2Coordinates_tt(change, start)
-            self.solve(self.mechanism.steps, self.mechanism.step, full)
+                system.SetODE2Coordinates_tt(change, START)
+            self.solve(self.mechanism.steps, self.mechanism.step)
         except RuntimeError:
             return False
         return True
@@ -173,8 +172,10 @@ def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkState
     """The states at the samples, as Exudyn's sensors measure them."""
     system, states = ExudynSystem(mechanism, settings), host.LinkStates.empty(mechanism, True)
     with host.Stopwatch() as watch:
-        if not system.run() and not settings["defaults"] and system.run(full=True):
-            states.notes = ("Solved by full pivoting, as is needed at redundant constraints.",)
+        if not system.run() and not settings["defaults"]:
+            system.full = True
+            if system.run():
+                states.notes = ("Solved by full pivoting, as is needed at redundant constraints.",)
     states.steps = static_steps(mechanism) + 1 if mechanism.rest else 0
     states.seconds, read = watch.seconds, system.mbs.GetSensorStoredData
     moves, *links = (host.rows_at_samples(mechanism, map(read, own)) for own in system.sensors)

@@ -31,9 +31,9 @@ class NewtonBodies:
     def __init__(self, mechanism, settings):
         self.mechanism, links = mechanism, mechanism.links
         self.builder = newton.ModelBuilder(gravity=tuple(mechanism.gravity.tolist()))
-        self.inertias = [self.inertia(k) for k in range(len(links))]
+        self.inertias = [host.inertia_in_motion(mechanism, k) for k in range(len(links))]
         self.refuse_lost_inertia()
-        places, turns, velocities = host.start_of_links(mechanism)
+        places, turns, velocities = zip(*host.start_of_links(mechanism))
         for one, inertia, place, turn in zip(links[1:], self.inertias[1:], places[1:], turns[1:]):
             small = warp.normalize(warp.quat(*(0.5 * turn).tolist(), 1.0))
             pose = warp.transform(warp.vec3(*place.tolist()), small)
@@ -47,8 +47,8 @@ class NewtonBodies:
         for numbers in roots:
             self.builder.add_articulation(numbers)
         for loop in mechanism.loops:
-            ends = (loop.a, loop.on_a), (loop.b, loop.on_b)
-            self.builder.add_joint_ball(**self.ends(*(ends if loop.b else ends[::-1]), np.eye(3)))
+            ends = loop.points[:: 1 if loop.b else -1]
+            self.builder.add_joint_ball(**self.ends(*ends, np.eye(3)))
         model = self.builder.finalize(device="cpu", skip_validation_joints=True)
         own = KAMINO.Config() if settings["defaults"] else KAMINO.Config(dynamics_solver="dvi")
         if not settings["defaults"]:
@@ -60,12 +60,6 @@ class NewtonBodies:
         self.now.body_qd.assign(rates.astype(np.float32))
         self.joint = host.joint_reader(mechanism, self.read)
         self.pull()
-
-    def inertia(self, k):
-        """The inertia of a link; in a plane that about the normal, about all axes."""
-        inertia = host.inertia_with_armature(self.mechanism, k)
-        normal = self.mechanism.plane[2] if self.mechanism.is_planar else None
-        return inertia if normal is None else normal @ inertia @ normal * np.eye(3)
 
     def refuse_lost_inertia(self):
         """Refuse a link whose inertia is lost beside the others in single precision."""
@@ -84,22 +78,18 @@ class NewtonBodies:
         given = {"parent": near[0] - 1, "child": far[0] - 1}
         turn = warp.quat_from_matrix(warp.mat33(*axes.ravel().tolist()))
         for name, (k, at) in (("parent_xform", near), ("child_xform", far)):
-            place = warp.vec3(*(at - self.mechanism.links[k].centre).tolist())
+            place = warp.vec3(*self.mechanism.arm(k, at).tolist())
             given[name] = warp.transform(place, turn)
         return given
 
     def add_joint(self, j):
         """Add a joint, and return its number."""
         one, build = self.mechanism.joints[j], self.builder
-        single = one.kind in ("hinge", "slide")
-        axes = host.frame_of_axis(one.axis) if single else np.eye(3)
-        ends = self.ends((one.parent, one.anchor), (one.child, one.anchor), axes)
-        if not single and one.damping:
-            raise host.Refused(f"damping of {one.kind} joint {one.name!r}")
-        if not single:
-            return (
-                build.add_joint_ball(**ends) if one.kind == "ball" else build.add_joint_free(**ends)
-            )
+        axes = host.frame_of_axis(one.axis) if one.is_single else np.eye(3)
+        ends = self.ends(*one.points, axes)
+        if not one.is_single:
+            add = build.add_joint_ball if one.kind == "ball" else build.add_joint_free
+            return add(**ends)
         if j in self.drives:
             ends |= {"actuator_mode": newton.JointTargetMode.VELOCITY, "target_kd": DRIVE_GAIN}
         add = build.add_joint_revolute if one.kind == "hinge" else build.add_joint_prismatic
@@ -114,8 +104,8 @@ class NewtonBodies:
             targets[self.drives[j]] = rate
         self.control.joint_target_qd.assign(targets)
         push = np.zeros((len(mechanism.links), 6), np.float32)
-        for k, place, force, moment in host.link_forces(mechanism, i, self.read, self.joint):
-            push[k] += [*force, *(moment + np.cross(place - self.read(k)[0], force))]
+        for k, force, moment in host.pushes_on_links(mechanism, i, self.read, self.joint):
+            push[k] += [*force, *moment]
         self.now.body_f.assign(push[1:])
         self.solver.step(self.now, self.later, self.control, None, mechanism.step)
         self.now, self.later = self.later, self.now
@@ -129,13 +119,14 @@ class NewtonBodies:
     def read(self, k):
         """The motion of a link."""
         pose, rates = self.poses[k - 1], self.rates[k - 1]
-        return pose[:3], host.matrix_of(np.roll(pose[3:], 1)), rates[:3], rates[3:]
+        return pose[:3], host.matrix_of_xyzw(pose[3:]), rates[:3], rates[3:]
 
 
 def simulate(mechanism: host.NeutralMechanism, settings: dict) -> host.LinkStates:
     """Step the bodies through the run."""
     host.refuse_gears(mechanism, "Kamino")
     host.refuse_rows(mechanism)
+    host.refuse_damped_balls(mechanism)
     with host.Stopwatch() as compiling:
         bodies = NewtonBodies(mechanism, settings)
         bodies.solver.step(bodies.now, bodies.later, bodies.control, None, mechanism.step)
