@@ -24,7 +24,7 @@ from tests.independent.balls.chains import make_chain
 from tests.independent.balls.continuity import ProvenPose, is_continuous
 from tests.independent.balls.free_motions import FREE_MOTIONS
 from tests.independent.balls.hysteresis import ALONG_A_DRIVE
-from tests.independent.balls.linkages import fourbar
+from tests.independent.balls.linkages import FORMS, fourbar
 from tests.independent.balls.loops import (
     HALF_WIDTHS,
     IMAGINARY,
@@ -39,7 +39,8 @@ from tests.independent.balls.loops import (
 from tests.independent.balls.motion import senses_of
 from tests.independent.balls.proof import case_numbers, distance, prove_errors
 from tests.independent.balls.reactions import check_moments
-from tests.independent.balls.rods import prove_equilibria
+from tests.independent.balls.rod_shapes import prove_rod, rod_curves, rod_loads
+from tests.independent.balls.rods import cantilever, prove_equilibria
 from tests.shipped import shipped, shipped_case
 
 WRONG_DIGIT = 1e-12
@@ -94,11 +95,16 @@ def test_the_other_assembly_is_another_pose():
     assert max(prove_errors(case, "sweep", curves).errors.values()) > 0.1
 
 
-def test_a_parameter_without_a_part_in_the_proof_is_refused():
-    case = shipped_case(shipped("rod_cantilever.toml"))
-    curves = evaluate(case, "equilibrium", *prescribed_motion(case, "equilibrium"))
-    with pytest.raises(NotProven, match="weight_y"):
-        prove_errors(with_parameters(case, weight_y=-1.0), "equilibrium", curves)
+def test_a_parameter_without_a_part_in_the_proof_is_refused(monkeypatch):
+    def forgetful(p, u, q, whole):
+        inner = CaseNumbers({**p.given, "rocker_mass": 0.0})
+        loops = fourbar(inner, u, q, whole)
+        p.asked.update(inner.asked - {"rocker_mass"})
+        return loops
+
+    monkeypatch.setitem(FORMS, "fourbar", (forgetful, FORMS["fourbar"][1]))
+    with pytest.raises(NotProven, match="without a part in the proof: rocker_mass"):
+        prove_errors(short_fourbar(3), "sweep")
 
 
 def square_root(_p, u, q, _whole):
@@ -269,6 +275,20 @@ def test_references_along_a_drive_with_other_parameters_than_shipped(reference, 
         for k, sample in enumerate(exact):
             gap = abs(arb(float(known[name][k])) - sample[name])
             assert gap < ROUNDINGS * EPSILON * max(1.0, np.abs(known[name]).max())
+
+
+@pytest.mark.slow
+def test_series_and_elliptic_functions_enclose_the_same_rod():
+    p = case_numbers(shipped_case(shipped("rod_cantilever.toml")))
+    x = np.array([0.0, 0.4, 1.0])
+    elliptic = list(cantilever(p, x))
+    guess = [float(elliptic[0]["m"].mid()), 0.0, p["force_y"]]
+    for exact, (curves, _) in zip(elliptic, rod_curves(rod_loads(p), guess, None, x), strict=True):
+        for name, ball in exact.items():
+            assert curves[name].overlaps(ball)
+            assert curves[name].rad() < 1e-30
+    with pytest.raises(NotProven):
+        prove_rod(rod_loads(p), [guess[0] + 0.01, *guess[1:]], None)
 
 
 @pytest.mark.slow

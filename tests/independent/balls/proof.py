@@ -37,7 +37,8 @@ from tests.independent.balls.loops import (
 )
 from tests.independent.balls.motion import balls_of_pose
 from tests.independent.balls.planar_loops import planar_loops
-from tests.independent.balls.rods import cantilever
+from tests.independent.balls.rod_shapes import pinned_rod, rod_curves, rod_loads
+from tests.independent.balls.rods import cantilever, is_elliptic
 
 UPWARD = 1.0 + 1e-12
 """Factor against the rounding of the few float64 operations after the ball arithmetic."""
@@ -98,7 +99,6 @@ WITHOUT_PROOF = {
     "slider_crank_elastic": INTEGRATED,
     "spatial": IN_SPACE,
     "spatial_rod": SHOT,
-    "rod_pinned": SHOT,
     "rod_snap": SHOT,
     **dict.fromkeys(("rod_pair", "rod_pair_driven"), PAIRS),
     **dict.fromkeys(("rod_platform", "rod_platform_driven"), PLATFORMS),
@@ -225,8 +225,8 @@ def exact_samples(
     if case.reference in ALONG_A_DRIVE and state is not None:
         drive = zip(*(order[0] for order in state), strict=True)
         return map(ExactSample, ALONG_A_DRIVE[case.reference](p, drive))
-    if case.reference == "rod":
-        return map(ExactSample, cantilever(p, x))
+    if case.reference in ("rod", "rod_pinned"):
+        return exact_rods(case, kind, p, x)
     if state is None and case.reference in FREE_MOTIONS:
         return map(ExactSample, FREE_MOTIONS[case.reference](p, x))
     if state is not None and (case.reference in FORMS or case.reference == "planar"):
@@ -301,6 +301,19 @@ def exact_chains(
             continuous = same and is_continuous(chain, p, before[0], after[0])
         before = after
         yield ExactSample(curves, half_width, continuous)
+
+
+def exact_rods(case: Case, kind: Kind, p: CaseNumbers, x: Array) -> Iterator[ExactSample]:
+    """The exact values of a clamped rod, whose tip is free or on a pin."""
+    pinned = case.reference == "rod_pinned"
+    if is_elliptic(p) and not pinned:
+        yield from map(ExactSample, cantilever(p, x))
+        return
+    known = reference_quantities(case, kind, x, None, case.parameters)
+    guess = [float(known["m"][0]), *(float(known[f"force_{one}"][-1]) for one in "xy")]
+    rod, pin = pinned_rod(p) if pinned else (rod_loads(p), None)
+    for curves, half_width in rod_curves(rod, guess, pin, x):
+        yield ExactSample(curves, half_width)
 
 
 def controls_of_loads(case: Case, kind: Kind, x: Array) -> list[Array]:

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterator
+from math import inf
 
 import numpy as np
 from flint import acb, arb, arb_mat
@@ -47,8 +48,6 @@ def cantilever(p: CaseNumbers, x: Array) -> Iterator[Balls]:
     b^2 = P/EI.  Lengths count from the tip, where the elliptic integrals are finite.
     """
     length, stiffness, load = arb(p["length"]), arb(p["stiffness"]), arb(p["force_y"])
-    if not load > 0:
-        raise NotProven("rods with other loads than one force across are not written in balls")
     b = (load / stiffness).sqrt()
     k = modulus_of_cantilever(b, length)
     m, other = k * k, (1 - k * k).sqrt()
@@ -67,6 +66,14 @@ def cantilever(p: CaseNumbers, x: Array) -> Iterator[Balls]:
             "theta": (2 * m * cd * cd - 1).asin(),
             "m": stiffness * 2 * b * k * other * sd,
         }
+
+
+def is_elliptic(p: CaseNumbers) -> bool:
+    """Whether a rod has no load but one force to the left, as `cantilever` has."""
+    names = "force_x", "moment", "weight_x", "weight_y", "follower_x", "follower_y", "theta0"
+    p["branch"]  # chooses one of the equilibria, of which there is one here
+    stiff = all(p.given.get(name, inf) == inf for name in ("axial", "shear"))
+    return stiff and p.given["force_y"] > 0 and not any(p.given.get(name) for name in names)
 
 
 Slopes = tuple[acb, acb]
