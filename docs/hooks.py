@@ -1,5 +1,8 @@
 """What ``mkdocs build`` does to the pages.
 
+It gives the theme's script for dark pages the two style sheets that it looks for, which the theme
+has only with a highlighter from the network; without them every page would throw an error.
+
 It finds where public names of proofmass are defined: ``::: proofmass.solve`` would be the module of
 that name; the function is what users import.  And it runs the notebooks, which have only pictures
 of their sliders in the repository, and makes a page of each; sliders stand there as they are first.
@@ -24,6 +27,15 @@ SECONDS = 300  # a cell may take on a busy machine
 LINK = re.compile(r"\((\w+)\.ipynb\)")
 """A link from a notebook to another one, which has a page beside it."""
 WHERE = "*This page is `teaching/{}.ipynb`, run when the documentation was made.*"
+
+
+NO_HIGHLIGHTER = '<style id="hljs-light"></style><style id="hljs-dark"></style>'
+"""Empty style sheets that the script ``darkmode.js`` of the theme switches."""
+
+
+def on_post_page(output: str, **_: object) -> str:
+    """Add the style sheets that the theme's script looks for."""
+    return output.replace("</head>", f"{NO_HIGHLIGHTER}</head>", 1)
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:

@@ -19,7 +19,7 @@ from typing import Any
 
 from PIL import Image
 
-from benchmarks import ROOT, command
+from benchmarks import ROOT, command, replacing_pages
 from proofmass import animate, load_case
 from proofmass.batch.check import check
 from proofmass.report import write_report
@@ -117,7 +117,8 @@ def main() -> None:
         return
     save(index, "report_index.png")
     save(case, "report_case.png")
-    motion.save(ROOT / "docs" / "fourbar.webp")
+    with replacing_pages():
+        motion.save(ROOT / "docs" / "fourbar.webp")
     for name in ("report_index.png", "report_case.png", "fourbar.webp"):
         print(f"docs/{name}: {(ROOT / 'docs' / name).stat().st_size / 1000:.0f} kB")
 

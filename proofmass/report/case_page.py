@@ -451,7 +451,7 @@ def list_unchecked(case: Case, runs: Iterable[PlottedRun]) -> list[str]:
             if not bare:
                 continue
             what = "all channels" if len(bare) == len(own) else format_list(bare)
-            lines.append(f"{format_solver(solver)} {where}, {what}: shown and not judged.")
+            lines.append(f"{format_solver(solver)} {where}, {what}: shown and not checked.")
     return lines
 
 

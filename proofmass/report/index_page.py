@@ -533,8 +533,15 @@ def write_index_files(folder: Path, files: IndexFiles) -> Path:
 
 
 def columns_of(result: Result) -> list[IndexColumn]:
-    """Return the columns that are not empty; engines in the order in which they occur."""
-    there = {(run_group(c.run), engine_name(c)) for c in result.comparisons if c.channel}
+    """Return the columns that are not empty; engines in the order in which they occur.
+
+    Recorded curves are no engine: the page of their case has them.
+    """
+    there = {
+        (run_group(c.run), engine_name(c))
+        for c in result.comparisons
+        if c.channel and computes_curves(c.solver)
+    }
     engines = dict.fromkeys(engine_name(c) for c in result.comparisons)
     groups = dict.fromkeys(words.group for words in RUNS.values())
     return [IndexColumn(run, name) for run in groups for name in engines if (run, name) in there]

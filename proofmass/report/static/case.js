@@ -51,14 +51,14 @@ const runs = () => Object.values(data.runs).filter((run) => run.whole);
 const current = () => data.runs[state.run];
 const comparison = (solver, channel = state.channel) =>
   current().solvers[solver]?.comparisons[channel];
-// Outcomes of curves within their allowance, in a run that tells nothing of the model.
+// Outcomes of curves within what is allowed, in a run that tells nothing of the model.
 const EMPTY = ["nothing moved", "other step"];
 const judged = (c) => c && ["agrees", "differs", "undecided", ...EMPTY].includes(c.outcome);
 // Whether a solver failed and has no curves.
 const gone = (run, name) => Boolean(run.failed[name]) && !run.solvers[name]?.differences;
 const solversOf = (run) => Object.keys(run.solvers).filter((name) => run.solvers[name].differences);
 
-// The channels of a run, largest error over allowance first, then those that are not judged.
+// The channels of a run, largest error over what is allowed first, then those that are not checked.
 function ordered(run) {
   const rank = (name) => {
     const own = Object.values(run.solvers).map((solver) => solver.comparisons[name]);
@@ -368,15 +368,15 @@ function drawCurves() {
     `${channel.kind} [${channel.read || "–"}] over ${run.name}; range ${range} ${channel.unit}`;
   const unit = channel.unit || "1";
   find("#difference-title").textContent = {
-    lin: `Difference to the reference [${unit}]; band: allowance; ring: largest`,
+    lin: `Difference to the reference [${unit}]; band: allowed; ring: largest`,
     log: `Absolute difference to the reference [${unit}], logarithmic`,
-    tol: "Difference to the reference, in units of the allowance",
+    tol: "Difference to the reference / allowed",
   }[state.mode];
   find("#thinned").textContent =
     (run.every > 1
       ? `Drawn at every ${run.every}${run.every === 2 ? "nd" : run.every === 3 ? "rd" : "th"} of ` +
         `${run.samples} samples; extremes and largest differences are kept.`
-      : `All ${run.samples} samples are drawn.`) + jumpWords(run, channel, solvers);
+      : "") + jumpWords(run, channel, solvers);
   const names = solvers.map((solver) => solver.label).join(", ");
   find("#above").setAttribute(
     "aria-label",
@@ -430,14 +430,14 @@ function reasons() {
     let text =
       c.error === null ? `no number${at}` : `largest ${worded(c.error, 3)} ${escaped(channel.unit)}${at}`;
     if (!judged(c)) {
-      return `<p>${head} ${text}, not judged.${stopped}</p>`;
+      return `<p>${head} ${text}, not checked.${stopped}</p>`;
     }
     const ratio = c.ratio === null ? "" : worded(c.ratio);
     text += c.outcome === "differs"
-      ? `, <b class="bad">${ratio ? `${ratio} × the allowance` : escaped(c.message)}</b>.`
+      ? `, <b class="bad">${ratio ? `${ratio} × what is allowed` : escaped(c.message)}</b>.`
       : c.outcome === "undecided" || EMPTY.includes(c.outcome)
       ? `, <b class="bad">${escaped(c.outcome)}</b>: ${escaped(c.message)}.`
-      : `, ${ratio || "within"} of the allowance.`;
+      : ratio ? `, ${ratio} of what is allowed.` : ", within what is allowed.";
     const why = c.why ? ` <span class="soft">Why this much is allowed: ${escaped(c.why)}.</span>` : "";
     return `<p>${head} ${text}${why}${stopped}</p>`;
   });
@@ -480,7 +480,7 @@ function drawList() {
     const known = ratio >= 0;
     const sign = coarse ? "?" : known ? (bad ? "✗" : "✓") : "○";
     const wrong = (ratio <= 1 && empty) || "differs";
-    const words = coarse ? "undecided" : known ? (bad ? wrong : "agrees") : "not judged";
+    const words = coarse ? "undecided" : known ? (bad ? wrong : "agrees") : "not checked";
     return (
       `<div class="item" role="option" id="option-${escaped(name)}" data-channel="${escaped(name)}"` +
       ` aria-selected="${name === state.channel}">` +

@@ -1,10 +1,10 @@
 // One channel of a run: the curves above, their differences to the reference below.
 "use strict";
 
-const BAND_SHARE = 12; // largest ratio of the allowance to the differences at which its band is shown
+const BAND_SHARE = 12; // largest ratio of what is allowed to the differences at which its band is shown
 const LEAST = 1e-16; // end of a linear axis where all differences are zero
 const SMALLEST = 0.03; // share of the differences that may lie below a logarithmic axis
-const NAMED_SOLVERS = 2; // solvers that the words of an allowance name; of more, their number
+const NAMED_SOLVERS = 2; // solvers that the words at a band name; of more, their number
 const MARKERS = 9; // number of markers on a curve, which distinguish it without its colour
 
 // Draw the marker of a solver about a place of a canvas, with lines of a width.
@@ -325,7 +325,7 @@ class CurvePair {
     }
   }
 
-  // Draw each allowance as a band behind the differences, with its solvers and its number.
+  // Draw what is allowed as a band behind the differences, with its solvers and its number.
   bands(plot) {
     const { solvers, mode } = this.view;
     const ctx = plot.ctx;
@@ -366,7 +366,7 @@ class CurvePair {
       const more = own.length > NAMED_SOLVERS ? ` and ${own.length - NAMED_SOLVERS} more` : "";
       const names = own.slice(0, NAMED_SOLVERS).map((one) => one.label);
       let words = `${names.join(", ")}${more}: allowed ±${worded(allowed)}`;
-      words = mode === "tol" ? "allowance" : words;
+      words = mode === "tol" ? "allowed" : words;
       words += beyond ? ", beyond this axis" : "";
       let y = beyond ? top + 4 * ratio : Math.max(top + 3 * ratio, upper + 4 * ratio);
       while (used.some((other) => Math.abs(other - y) < 14 * ratio)) {

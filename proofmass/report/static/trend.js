@@ -27,13 +27,13 @@ const runLabel = (row) => data.runs[row.run].label;
 const comparisonNow = (row, solver) => data.runs[row.run].solvers[solver]?.comparisons[row.channel];
 const lastOf = (errors) => errors.at(-1);
 
-// The error allowed now, as a share of the range; null where nothing is judged.
+// The error allowed now, as a share of the range; null where nothing is checked.
 function allowedNow(row, solver) {
   const c = comparisonNow(row, solver);
   return judged(c) ? c.allowed_share : null;
 }
 
-// The largest ratio of a solver's error to the error allowed now; null where none is judged.
+// The largest ratio of a solver's error to the error allowed now; null where none is checked.
 function worstRatio(row) {
   const ratios = Object.keys(row.solvers)
     .map((solver) => comparisonNow(row, solver))
@@ -101,7 +101,7 @@ function trendWords(row) {
     const allowed = allowedNow(row, solver);
     return (
       `${data.solvers[solver].label} from ${worded(known[0])} to ${errorWords(lastOf(errors))}, at most ` +
-      `${worded(Math.max(...known))}${allowed ? `, allowed ${worded(allowed)}` : ", not judged"}`
+      `${worded(Math.max(...known))}${allowed ? `, allowed ${worded(allowed)}` : ", not checked"}`
     );
   });
   return `${row.channel}, ${runLabel(row)}, over ${trend.reports.length} reports: ${parts.join("; ")}`;
@@ -251,7 +251,7 @@ function drawTrendList() {
     const ratio = worstRatio(row);
     const known = ratio !== null;
     const bad = known && ratio > 1;
-    const [sign, words] = known ? (bad ? ["✗", "differs"] : ["✓", "agrees"]) : ["○", "not judged"];
+    const [sign, words] = known ? (bad ? ["✗", "differs"] : ["✓", "agrees"]) : ["○", "not checked"];
     const [worst] = Object.values(row.solvers);
     const growth = Object.values(row.solvers).map((one) => one.growth).find(Boolean) ?? "";
     return (
