@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from docs.make.rod_assemblies import distance, shot_unknowns
+from docs.make.rod_assemblies import LIMITS, distance, random_assembly, shot_unknowns
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import assembly
+from proofmass.analytic.rods.assembly_chain import chain_equilibria, chain_shapes
 from proofmass.analytic.rods.assembly_newton import RodProblem, bend_rods
 from proofmass.analytic.rods.assembly_search import (
     SearchLimits,
@@ -19,6 +20,8 @@ from proofmass.analytic.rods.assembly_search import (
 from proofmass.analytic.rods.equilibrium import state
 from proofmass.analytic.rods.tip_wrench import FINE_STEPS, NaturalRods, march_from_tip
 from tests.independent.rods.chain_starts import (
+    LINKS,
+    ChainStates,
     chain_rests,
     random_states,
     shoot,
@@ -114,6 +117,23 @@ def test_chains_from_random_shapes_lead_to_no_other_equilibrium_with_small_loads
     shot = [shot_equilibrium(problem, rests, int(light[n])) for n in first]
     assert len(shot) == len(ours)
     assert all(min(distance(problem, one, two) for two in ours) < 1e-5 for one in shot)
+
+
+@pytest.mark.slow
+def test_chains_that_start_near_each_equilibrium_return_to_it():
+    """In an assembly in which chains from 3000 random shapes reach 12 of 13."""
+    problem, random = random_assembly(20), np.random.default_rng(5)
+    found = find_equilibria(problem, LIMITS)
+    assert len(found) == 13
+    state, clamped = chain_equilibria(found, LINKS), problem.assembly.clamped
+    rods = [chain_shapes(problem, state, i, LINKS) for i in range(clamped.size)]
+    angle = np.stack([rod.angle.T for rod in rods], axis=1)
+    angle[:, :, 1:] += random.normal(0.0, 0.1, angle[:, :, 1:].shape)
+    for n in range(len(found)):
+        one, moment = slice(n, n + 1), np.where(clamped, state.own[n, :, 2], 0.0)
+        start = ChainStates(angle[one], state.pose[one], state.own[one, :, :2], moment[None])
+        rest = chain_rests(problem, start)
+        np.testing.assert_allclose(rest.pose[0], state.pose[n], atol=1e-8)
 
 
 @pytest.mark.slow
