@@ -173,7 +173,8 @@ BULLET = SteppedEngine(
     about=About(
         "a tree in reduced coordinates, loops by impulses; semi-implicit Euler",
         "Zlib",
-        "2000 iterations; an open loop is closed in one step, instead of 20 % of it; no damping",
+        "at most 2000 iterations; an open loop is closed in one step, instead of 20 % of it; no "
+        "damping",
     ),
     settings=IteratedSettings,
     stops=True,

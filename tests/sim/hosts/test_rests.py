@@ -358,6 +358,15 @@ def test_engines_come_to_rest(name: str) -> None:
             errors(*preloaded, engine)
 
 
+@pytest.mark.parametrize("name", ["springs_series", "springs_parallel"])
+def test_bullet_rests_where_a_driven_slide_is_pinned(name: str) -> None:
+    """Its iterations end when they have converged: those beyond it do not let the pin rest."""
+    if why := why_not_there("bullet"):
+        pytest.skip(why)
+    case, run = few(name, "sweep", 61)
+    assert max(errors(case, replace(run, x=run.x[:12]), engine_of("bullet")).values()) < AT_REST
+
+
 def test_simbody_refuses_loads_that_change_in_a_sweep() -> None:
     """Its loads are functions of the time, which goes on while the drives stand still."""
     if why := why_not_there("simbody"):

@@ -15,6 +15,8 @@ import pybullet as bullet
 
 VERSIONS = {"pybullet": version("pybullet"), "numpy": np.__version__}
 ERROR_REDUCTION, NO_LIMIT = 1.0, 1e12  # a step closes all of an opening, unless by default
+CONVERGED = 1e-26  # squared residual of velocities [m2/s2 or rad2/s2] at which iterations end:
+# those beyond it add what rounding leaves, by which a pin of two parallel slides never rests
 SELF = bullet.URDF_USE_SELF_COLLISION | bullet.URDF_USE_SELF_COLLISION_INCLUDE_PARENT
 SPACE_REACH = 100.0  # half side of a box for a half space, in sizes: a plane touches by one corner
 NEAR_STOP, STOP_WAY = 1e-9, 1e-15  # of a joint on its stop, which acts only on one beyond it
@@ -33,8 +35,9 @@ class BulletTrees:
         if mechanism.contacts:
             self.add_contacts(settings["defaults"])
         if not settings["defaults"]:
-            own = {"solverResidualThreshold": 0.0, "erp": ERROR_REDUCTION, "useSplitImpulse": 0}
-            bullet.setPhysicsEngineParameter(numSolverIterations=settings["iterations"], **own)
+            own = {"solverResidualThreshold": CONVERGED, "erp": ERROR_REDUCTION}
+            own |= {"numSolverIterations": settings["iterations"], "useSplitImpulse": 0}
+            bullet.setPhysicsEngineParameter(**own)
         for loop in mechanism.loops:
             ends = loop.points[:: 1 if loop.a else -1]  # the first is not the ground
             points = [list(self.axes(k).T @ mechanism.arm(k, at)) for k, at in ends]
