@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from matplotlib import get_data_path, rc_context
 from matplotlib.font_manager import findSystemFonts
@@ -591,3 +592,42 @@ def test_tables_are_shown_without_javascript(folder: Path, browser: Any) -> None
         visit.page.locator("details.numbers > summary").first.click()
         assert "worst error" in visit.page.locator("details.numbers").first.inner_text()
         assert "need JavaScript" in visit.page.inner_text("main")
+
+
+def test_a_channel_has_one_unit_and_a_switch_turns_all_angles(folder: Path, browser: Any) -> None:
+    """Curve, difference, largest error and what is allowed are in degrees, or all in radians."""
+    with CaseVisit(browser, folder / "fourbar.html", "#sweep/mujoco/coupler.angle@1") as visit:
+
+        def shown() -> dict[str, Any]:
+            return visit.run(
+                """(() => {
+                    const c = comparison("mujoco");
+                    const reference = find("#reference-value").textContent;
+                    return {
+                        value: parseFloat(reference.replace("−", "-")),
+                        units: [reference.split(" ")[1],
+                            find("#chips [data-solver=mujoco] output").textContent.split(" ").pop(),
+                            find("#difference-title").textContent.match(/\\\\[(.*)\\\\]/)[1],
+                            find("#list [aria-selected=true] .item-name span").textContent],
+                        error: c.error, allowed: c.allowed, x: pair.plots[0].data[0].at(-1),
+                        told: find("#reasons p").textContent,
+                    };
+                })()""".replace("\\\\", "\\")
+            )
+
+        degrees = shown()
+        assert set(degrees["units"]) == {"deg"}
+        visit.page.click("#angles [data-angles=rad]")
+        radians = shown()
+        assert set(radians["units"]) == {"rad"}
+        assert " rad at " in radians["told"]
+        for key in ("error", "allowed", "x"):
+            assert degrees[key] == pytest.approx(np.degrees(radians[key]), rel=1e-9)
+        assert degrees["value"] == pytest.approx(np.degrees(radians["value"]), rel=1e-3)
+        assert visit.address.endswith(";rad")
+        visit.page.click("#angles [data-angles=deg]")
+        assert shown() == degrees
+        assert ";rad" not in visit.address
+    with CaseVisit(browser, folder / "fourbar.html", "#sweep/mujoco/pin.x@1;rad") as visit:
+        assert visit.run("state.radians")
+        assert visit.run("current().unit") == "rad"

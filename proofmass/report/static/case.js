@@ -13,6 +13,7 @@ const state = {
   solver: "", // whose mechanism is drawn
   channel: "",
   sample: 0, // number of the drawn sample
+  radians: false, // whether angles are shown in radians
   mode: "lin", // of the axis of differences, one of MODES
   shown: null, // set of solvers whose curves are drawn
   zoom: null, // [low, high] in the displayed unit
@@ -45,6 +46,55 @@ function decode() {
   Object.keys(data.solvers).forEach((name, number) => {
     data.solvers[name].css = `s${number}`;
   });
+}
+
+// Show all angles in degrees or in radians: each channel has one unit in curves, differences, lists
+// and sentences, and so has a sweep over an angle.
+function showAngles(radians) {
+  state.radians = radians;
+  for (const run of Object.values(data.runs)) {
+    if (run.whole) {
+      run.own ??= { unit: run.unit, scale: run.scale };
+      const turned = radians && run.own.unit === "deg";
+      Object.assign(run, turned ? { unit: "rad", scale: 1 } : run.own);
+      run.xs = run.x.map((x) => x * run.scale);
+    }
+    for (const [name, channel] of Object.entries(run.channels)) {
+      channel.own ??= { ...channel };
+      const { read, read_factor: degrees, factor, range } = channel.own;
+      const turned = radians && read.startsWith("deg");
+      const unit = turned ? read.replace("deg", "rad") : read;
+      const shown = turned ? 1 : degrees;
+      const more = shown / factor; // from the unit of the sidecar to the one that is shown
+      Object.assign(channel, { unit, read: unit, factor: shown, read_factor: shown, range: range * more });
+      for (const solver of Object.values(run.solvers)) {
+        const c = solver.comparisons[name];
+        if (c) {
+          c.own ??= { error: c.error, allowed: c.allowed };
+          const of = (value) => (value === null ? null : value * more);
+          Object.assign(c, { error: of(c.own.error), allowed: of(c.own.allowed) });
+        }
+      }
+    }
+  }
+}
+
+// Whether the page has an angle at all, so that there is something to choose.
+const hasAngles = () =>
+  runs().some(
+    (run) =>
+      (run.own ?? run).unit === "deg" ||
+      Object.values(run.channels).some((channel) => (channel.own ?? channel).read.startsWith("deg")),
+  );
+
+function chooseAngles(radians) {
+  const run = current();
+  const before = run.scale;
+  showAngles(radians);
+  if (state.zoom) {
+    state.zoom = state.zoom.map((value) => (value * run.scale) / before);
+  }
+  drawAll();
 }
 
 const runs = () => Object.values(data.runs).filter((run) => run.whole);
@@ -451,7 +501,7 @@ function readOut(sample) {
   for (const chip of findAll("#chips [data-solver]")) {
     const off = run.solvers[chip.dataset.solver].differences?.[state.channel]?.[sample];
     const value = off === undefined ? NaN : off * channel.factor;
-    find("output", chip).textContent = `${value > 0 ? "+" : ""}${worded(value)}`;
+    find("output", chip).textContent = `${value > 0 ? "+" : ""}${worded(value)} ${channel.unit}`;
   }
   const value = channel.curve[sample] * channel.read_factor;
   find("#reference-value").textContent =
@@ -551,6 +601,9 @@ function drawChips() {
   find("#chips").innerHTML =
     '<span class="chip chip-reference"><i class="pale-line"></i> reference <span id="reference-value" class="mono"></span></span>' +
     chips.join("");
+  for (const button of findAll("#angles [data-angles]")) {
+    button.setAttribute("aria-pressed", (button.dataset.angles === "rad") === state.radians);
+  }
   for (const button of findAll("#modes [data-mode]")) {
     button.setAttribute("aria-pressed", button.dataset.mode === state.mode);
   }
@@ -676,7 +729,8 @@ function tick(now) {
 }
 
 // ---- the address: #dynamics/pymunk/pin.x@3.25 and, if they are not as usual,
-// ;log or ;tol  ;z=1.2,3.4 (zoom)  ;m=6 (magnification)  ;on=a,b (solvers); all values in SI
+// ;log or ;tol  ;z=1.2,3.4 (zoom)  ;m=6 (magnification)  ;on=a,b (solvers)  ;rad (angles in radians);
+// all values in SI
 
 let ready = false;
 let written = "";
@@ -698,6 +752,9 @@ function save() {
   }
   if (state.power) {
     address += `;m=${state.power}`;
+  }
+  if (state.radians) {
+    address += ";rad";
   }
   const there = solversOf(run);
   const usual = there.filter((name) => !data.solvers[name].variant);
@@ -721,6 +778,7 @@ function load() {
     return false;
   }
   Object.assign(state, { mode: "lin", shown: null, zoom: null, power: 0 });
+  showAngles(options.includes("rad"));
   choose(...parts);
   const run = current();
   for (const option of options) {
@@ -762,7 +820,7 @@ function clicked(event) {
   if (!target) {
     return;
   }
-  const { channel, run, solver, mode, engine, copy } = target.dataset;
+  const { channel, run, solver, mode, engine, copy, angles } = target.dataset;
   if (channel) {
     chooseChannel(channel);
   } else if (run) {
@@ -773,6 +831,8 @@ function clicked(event) {
     toggle(solver);
   } else if (mode) {
     chooseMode(mode);
+  } else if (angles) {
+    chooseAngles(angles === "rad");
   } else if (engine) {
     state.solver = engine;
     drawChips();
@@ -910,6 +970,8 @@ function start() {
     return;
   }
   document.body.classList.add("scripted");
+  showAngles(false);
+  find("#angles").hidden = !hasAngles();
   find("#player").hidden = false;
   find("#curves").hidden = false;
   const named = load();
