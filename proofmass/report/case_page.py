@@ -75,6 +75,7 @@ from proofmass.verdict.outcome import (
     CHECKED_OUTCOMES,
     EMPTY_OUTCOMES,
     FAILED_OUTCOMES,
+    GOOD_OUTCOMES,
     UNCHECKED_OUTCOMES,
     Outcome,
 )
@@ -153,7 +154,7 @@ def render_page(
         trend=trend,
         embedded=script_json(data),
         curves=any(run.curves for run in runs),
-        badge=format_badge(case, rows, state, faults),
+        badge=format_badge(case, rows, state, faults, [c for run in runs for c in run.verdicts]),
         closeness=" ".join(filter(None, [format_closeness(case, rows), format_open(rows)])),
         overview=overview_table(data) if rows else [],
         marks=axis_labels(),
@@ -400,8 +401,17 @@ def looks_of(data: Mapping[str, Any], style: Mapping[str, Look]) -> dict[str, di
     return found
 
 
-def format_badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> str:
-    """Return the verdict on a case in few words, with its grade where it agrees."""
+def format_badge(
+    case: Case,
+    rows: list[Comparison],
+    state: str,
+    faults: list[str],
+    orders: Sequence[Comparison] = (),
+) -> str:
+    """Return the verdict on a case in few words, with its grade where it agrees.
+
+    `orders` are the verdicts on its orders of convergence.
+    """
     judged = [c for c in rows if c.outcome in CHECKED_OUTCOMES]
     differs = [c for c in rows if c.outcome == Outcome.DIFFERS]
     coarse = sum(c.outcome == Outcome.UNDECIDED for c in rows)
@@ -411,6 +421,8 @@ def format_badge(case: Case, rows: list[Comparison], state: str, faults: list[st
         worst = max(finite_share(c) for c in differs)
         by = f", up to {format_range_share(worst, 'the')}" if worst > 0 else ""
         words.append(f"Differs: {len(differs)} of {len(judged)} checked curves{by}")
+    if wrong := sum(c.outcome not in GOOD_OUTCOMES for c in orders):
+        words.append(f"{wrong} of {len(orders)} orders of convergence not as expected")
     if coarse:
         words.append(f"Undecided: {coarse} of {len(judged)} checked curves")
     words += [

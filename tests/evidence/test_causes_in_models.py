@@ -3,6 +3,7 @@
 The faults are planted in the files of the pendulum, or in the settings of a variant of MuJoCo.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,11 @@ from proofmass.evidence.diagnosis.causes import (
     with_mirrors,
 )
 from proofmass.evidence.diagnosis.explanation import Diagnosis, Explanation
-from proofmass.evidence.diagnosis.failure import describe_shorter_steps, describe_stability
+from proofmass.evidence.diagnosis.failure import (
+    Reason,
+    describe_shorter_steps,
+    describe_stability,
+)
 from proofmass.evidence.diagnosis.fit import ModelResiduals, Residuals, SearchBudget, rms
 from proofmass.evidence.diagnosis.model import (
     ChangedModel,
@@ -559,13 +564,16 @@ def test_a_shorter_step_with_which_a_run_ends_is_looked_for(short, monkeypatch):
         return [*describe_shorter_steps(case, "dynamics", "mujoco", curves)]
 
     assert fail_until(2.6e-4) == [
-        "with a time step of 2.5e-4 s instead of 1e-3 s it comes to its end"
+        Reason(
+            "with a time step of 2.5e-4 s instead of 1e-3 s it comes to its end",
+            "Make the time step 0.25 ms; it is 1 ms.",
+        )
     ]
     assert asked == [5e-4, 2.5e-4]
-    assert fail_until(0.0) == ["with time steps down to 1.56e-5 s it fails as well"]
+    assert fail_until(0.0) == [Reason("with time steps down to 1.56e-5 s it fails as well")]
     assert len(asked) == 2 + 6
     monkeypatch.setattr("proofmass.evidence.diagnosis.failure.MAX_RUN_STEPS", 800)
-    assert fail_until(0.0) == ["with time steps down to 2.5e-4 s it fails as well"]
+    assert fail_until(0.0) == [Reason("with time steps down to 2.5e-4 s it fails as well")]
     monkeypatch.setattr("proofmass.evidence.diagnosis.failure.MAX_RUN_STEPS", 399)
     assert fail_until(0.0) == []
 
@@ -577,11 +585,18 @@ def test_the_step_is_within_the_stability_limit_or_beyond_it(short, stiffness, s
     curves = replace(solve_here(short(), "dynamics", "mujoco"))
     short(('<joint name="pivot"/>', spring))
     case = load_case(case.file)
-    (words,) = describe_stability(case, "dynamics", "mujoco", curves)
+    ((words, remedy),) = describe_stability(case, "dynamics", "mujoco", curves)
     fastest = 1e-3 * np.sqrt(stiffness)
     assert words.startswith("dt ω = ")
     assert float(words.split()[3]) == pytest.approx(fastest, rel=1e-2)
     assert f", {side} the 2.83 up to which RK4 is stable" in words
+    limit = re.match(r"Make the time step at most (\S+) ms; it is 1 ms, with which RK4", remedy)
+    assert bool(limit) == (side == "beyond")
+    if limit:
+        ratio = float(limit[1]) * 1e-3 * np.sqrt(stiffness) / 2.83
+        assert (
+            0.98 < ratio < 1.01
+        )  # rounded down; the mass of the pendulum is 1 kg m^2 to a percent
     assert [*describe_stability(case, "sweep", "mujoco", curves)] == []
 
 

@@ -22,7 +22,9 @@ STRAINS = {"both": (40.0, 20.0), "axial": (40.0, None), "shear": (None, 20.0)}
 def rod(n: int, strain: str = "both", scheme: str = "half", mass: float | None = None) -> Rod:
     """A rod with L = 1 m and EI = 1 N m^2, clamped at the ground, with some of the `STRAINS`."""
     ends = ("clamped", "free")
-    return Rod("r", "ground", None, 1.0, 1.0, n, ends, scheme, mass, 1.0, *STRAINS[strain])
+    axial, shear = STRAINS[strain]
+    about = {"axial": axial, "shear": shear}
+    return Rod("r", "ground", None, 1.0, 1.0, n, ends, scheme, mass, 1.0, **about)
 
 
 @EACH_ENGINE

@@ -372,7 +372,7 @@ def test_every_output_says_that_nothing_moved(tmp_path):
     page = (tmp_path / "report" / "motor.html").read_text()
     assert "✗ Nothing moved: 2 of 2 checked curves" in page
     assert "✓ Agrees" not in page
-    assert "MuJoCo tells nothing in the sweep (nothing moved: " in page
+    assert "<p>Nothing but the drive moves: no checked channel leaves its start" in page
     index = (tmp_path / "report" / "index.html").read_text()
     assert "nothing moved" in index
 

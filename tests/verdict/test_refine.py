@@ -1,5 +1,6 @@
 """Refinement of rods: orders of convergence, and limits, for rising numbers of segments."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -346,7 +347,7 @@ def test_the_page_shows_orders_and_outcomes(p, tmp_path):
     table = page[page.index("Refinement: the run with more") :]
     assert table.count(f"<td>{p:g}</td>") >= 9  # three pairs of runs, three channels
     assert ("✗ order" in table) == (p != 2.0)
-    assert ("MuJoCo differs in its order of convergence" in page) == (p != 2.0)
+    assert bool(re.search(r"✗ \d+ of \d+ orders of convergence not as", page)) == (p != 2.0)
 
 
 def test_a_nan_does_not_prevent_the_figure(tmp_path):

@@ -134,14 +134,17 @@ class RodAssembly(Reference):
     Two rods of a thesis (Table 7):
 
     >>> rods = {"clamp_x1": -0.3, "clamp_x2": 0.3, "angle1": np.radians(40),
-    ...         "angle2": np.radians(60), "length1": 1.0, "length2": 1.0, "stiffness1": 0.052186,
+    ...         "angle2": np.radians(140), "length1": 1.0, "length2": 1.0, "stiffness1": 0.052186,
     ...         "stiffness2": 0.052186, "force_x": 0.3, "force_y": -0.1}
-    >>> guess = {"guess_x": 0.6, "guess_y": -0.25, "guess_angle1": -1.5, "guess_angle2": -2.2,
-    ...          "guess_force_x1": 0.15, "guess_force_x2": 0.15}
+    >>> guess = {"guess_x": 0.19, "guess_y": 0.86, "guess_angle1": 1.2, "guess_angle2": 2.45,
+    ...          "guess_force_x1": 0.16, "guess_force_y1": 0.51}
     >>> pair = RodAssembly(**rods, **guess)
     >>> curves = pair.solve(InputMotion(np.linspace(0.0, 1.0, 3)), Ask())
+    >>> bool(np.hypot(curves["x1"][-1] - curves["x"], curves["y1"][-1] - curves["y"]).max() < 1e-8)
+    True
     """
 
+    method = "solver of rods on a platform, by Newton's method from a guess"
     parameters: ClassVar = list_parameters()
 
     def check(self, values: dict[str, Value]) -> None:  # type: ignore[override]
