@@ -7,7 +7,7 @@ import numpy as np
 from proofmass.analytic.numerics import TURN
 from proofmass.base.files import write_output
 from proofmass.design.linkage_designs import LinkageDesign, wrap_angles
-from proofmass.design.template import GRAVITY, template_environment
+from proofmass.design.template import GRAVITY, design_templates
 
 USUAL_STEP, USUAL_LOOP = 1e-3, 5e-3
 """Time step and time constant of the loop at 1 rad/s [s]; both go with the speed, so that engines
@@ -44,7 +44,7 @@ def write_linkage_case(
     words = {"name": name, "title": title, "source": source, **case_words(design)}
     folder.mkdir(parents=True, exist_ok=True)
     for ending in ("xml", "toml"):
-        text = template_environment().get_template(f"linkage.{ending}.jinja").render(words)
+        text = design_templates().get_template(f"linkage.{ending}.jinja").render(words)
         write_output(folder / f"{name}.{ending}", text)
     return folder / f"{name}.toml"
 

@@ -9,12 +9,13 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment
 
 from proofmass.analytic.balancer import Balancer, solve
 from proofmass.analytic.balancer.measures import chain_of
 from proofmass.analytic.balancer.model import preload_spring
 from proofmass.base.files import write_output
+from proofmass.base.templates import template_environment
 from proofmass.sim.engines import default_engines
 
 GRAVITY = 9.81  # [m/s^2] to compute the mass at the tip from its weight; statics needs no mass
@@ -198,7 +199,7 @@ def write_case(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for ending in ("xml", "toml"):
-        text = template_environment().get_template(f"balancer.{ending}.jinja").render(words)
+        text = design_templates().get_template(f"balancer.{ending}.jinja").render(words)
         write_output(folder / f"{name}.{ending}", text)
     return folder / f"{name}.toml"
 
@@ -264,15 +265,9 @@ def format_numbers(numbers: Iterable[float]) -> str:
 
 
 @cache
-def template_environment() -> Environment:
-    """The Jinja environment of the templates, in which unknown names are errors."""
-    found = Environment(
-        loader=PackageLoader("proofmass.design"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+def design_templates() -> Environment:
+    """The templates of designs, with their filters."""
+    found = template_environment("proofmass.design")
     found.filters["digits"] = format_numbers
     found.filters["toml"] = partial(json.dumps, ensure_ascii=False)
     return found

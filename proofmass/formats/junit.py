@@ -29,9 +29,7 @@ def as_junit(result: Result) -> bytes:
     """
     root = ElementTree.Element("testsuites", name="proofmass")
     shared = Counter((c.case, c.run, c.solver) for c in result.comparisons)
-    causes = {
-        (d.case, d.run, d.solver): cause.text for cause in result.causes for d in cause.diagnoses
-    }
+    causes = {run: cause.text for cause in result.causes for run in cause.runs}
     for case, rows in groupby(result.comparisons, lambda c: c.case):
         suite = ElementTree.SubElement(root, "testsuite", name=replace_invalid(case))
         own = list(rows)

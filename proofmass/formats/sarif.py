@@ -39,7 +39,7 @@ def as_sarif(result: Result) -> str:
     cases = {case.name: case for case in result.cases}
     lines = LineIndex()
     causes = result.causes
-    explained = {(d.case, d.run, d.solver) for cause in causes for d in cause.diagnoses}
+    explained = {run for cause in causes for run in cause.runs}
     failures = [c for c in result.comparisons if c.outcome not in GOOD_OUTCOMES]
     rows = group_by(failures, lambda c: (c.case, c.run, c.solver))
     found = [

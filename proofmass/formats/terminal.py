@@ -22,7 +22,7 @@ from proofmass.batch.check import Result, family_of
 from proofmass.case.case import Case
 from proofmass.sim.engines import NATIVE_ENGINE
 from proofmass.verdict.comparison import UNCHECKED_CASE, Comparison
-from proofmass.verdict.grade import grade_of, worst_not_judged
+from proofmass.verdict.grade import grade_of, worst_unchecked
 from proofmass.verdict.outcome import (
     CHECKED_OUTCOMES,
     NOT_RUN_OUTCOMES,
@@ -378,7 +378,7 @@ def failure_lines(
     yield from first_screens(result)
     for cause in causes:
         yield from cause_lines(cause, result, link)
-    explained = {(d.case, d.run, d.solver) for cause in causes for d in cause.diagnoses}
+    explained = {run for cause in causes for run in cause.runs}
     for (case, run, solver), rows in groupby(
         result.comparisons, lambda c: (c.case, c.run, c.solver)
     ):
@@ -419,7 +419,7 @@ def failure_lines(
     judged = [c for c in result.comparisons if c.outcome in CHECKED_OUTCOMES and c.channel]
     if judged:
         yield Text(format_largest(judged))
-    if coarse := worst_not_judged(result.comparisons):
+    if coarse := worst_unchecked(result.comparisons):
         yield Text(
             f"not checked: errors up to {format_range_share(coarse.relative_to_range)} "
             f"({format_comparison(coarse)})"
@@ -446,9 +446,9 @@ def cause_lines(
     curve and, if `link` is given, the address of that curve.
     """
     yield Text.assemble((f"{FAILURE_SIGN[0]} {cause.head}: ", FAILURE_SIGN[1]), cause.sentence)
-    for line in cause.details:
+    for line in (*cause.details, *cause.remarks):
         yield Text(f"    {line}")
-    runs = {(d.case, d.run, d.solver) for d in cause.diagnoses}
+    runs = cause.runs
     rows = [c for c in result.comparisons if (c.case, c.run, c.solver) in runs]
     for name, own in group_by(rows, lambda c: c.case).items():
         bad = [c for c in own if c.outcome == Outcome.DIFFERS]

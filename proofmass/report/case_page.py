@@ -64,13 +64,14 @@ from proofmass.report.trend import trend_of
 from proofmass.report.views import Viewed, apply_views, view_caption
 from proofmass.report.words import (
     RUNS,
+    START_RATIO,
     case_state,
     format_closeness,
     quantity_kind,
 )
 from proofmass.sim.engines import format_solver
 from proofmass.verdict.comparison import Comparison
-from proofmass.verdict.grade import Grade, grade_of, worst_not_judged
+from proofmass.verdict.grade import grade_of, worst_unchecked
 from proofmass.verdict.outcome import (
     CHECKED_OUTCOMES,
     EMPTY_OUTCOMES,
@@ -82,8 +83,6 @@ from proofmass.verdict.outcome import (
 
 MAX_SOURCE_CHARACTERS = 200_000  # [characters] of a sidecar or model that a page shows
 SHOWN_CAUSES = 3  # number of causes that a panel shows
-START_RATIO = 2.0
-"""Ratio of the largest error to that after a tenth of the run, from which on it is of the start."""
 NOTABLE_RATIO = 2.0
 """Ratio of two errors from which on it is told."""
 VISIBLE_GROUPS = 4
@@ -148,7 +147,6 @@ def render_page(
         case=case,
         state=state,
         grade=grade_of(rows) if state == "good" else None,
-        grades=[*Grade][::-1],
         compared_with=tell(partial(compared_with, properties=knowledge), None),
         data=data,
         trend=trend,
@@ -270,7 +268,7 @@ def parameters_of(case: Case) -> dict[str, str]:
 
 def format_open(rows: Sequence[Comparison]) -> str:
     """Format the largest error of the curves that are not checked, if a plot shows it."""
-    c = worst_not_judged(rows)
+    c = worst_unchecked(rows)
     if c is None:
         return ""
     early = c.relative_to_range >= START_RATIO * c.relative_to_range_later
@@ -672,18 +670,21 @@ def unknown_panel(found: list[Diagnosis]) -> CausePanel:
 def cause_panel(cause: SharedCause) -> CausePanel:
     """Return the panel of runs with the same first cause; its rows are those of the first run."""
     first = cause.diagnoses[0]
-    faults = tuple(fault for fault in cause.best.faults if fault.instead)
-    shown = {line for fault in faults for line in fault.diff}
+    shown = {line for fault in cause.written_faults for line in fault.diff}
+    details = (
+        line
+        for line in cause.details
+        if line not in shown and not line.startswith("next best: ")  # which is in the rows
+    )
     others = len(first.causes) - 1
     why = "Why this and nothing else"
     if others > 0:
         why += f": the {'next best explanation' if others == 1 else 'next best explanations'}"
-    head = "" if cause.complete else f"{cause.head[:1].upper()}{cause.head[1:]}: "
     return CausePanel(
-        f"{head}{cause.sentence}",
-        tuple(line for line in cause.details if line not in shown),
+        cause.title,
+        (*details, *cause.remarks),
         format_runs([*cause.diagnoses]),
-        faults,
+        cause.written_faults,
         cause_rows(first),
         format_list(first.tried),
         why,

@@ -30,7 +30,7 @@ from proofmass.run.solve import plan_run
 from proofmass.sim.contents import joints
 from proofmass.sim.engines import NATIVE_ENGINE
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.compare import scale_of
+from proofmass.verdict.compare import scale_of, unit_of_x
 from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import FAILED_OUTCOMES, Outcome
 from proofmass.verdict.refinement import RefinedRow
@@ -239,13 +239,15 @@ def all_reached_limits(runs: Iterable[PlottedRun]) -> bool:
 
 def run_parameter(case: Case, kind: Kind) -> tuple[str, str, float]:
     """Return name, unit and scale of a run's parameter: time, arc length, or a sweep's joint."""
+    unit = unit_of_x(case, kind)
     if kind == "equilibrium":
-        return "arc length s", "m", 1.0
-    if kind == "dynamics" or case.leader is None or not case.leader.steady:
-        return "time t", "s", 1.0
-    if drive_units(case)[0] == "m":
-        return f"{case.leader.joint} position", "m", 1.0
-    return f"{case.leader.joint} angle", "deg", 180 / np.pi
+        return "arc length s", unit, 1.0
+    if unit == "s":
+        return "time t", unit, 1.0
+    joint = case.drive[0].joint
+    return (
+        (f"{joint} position", unit, 1.0) if unit == "m" else (f"{joint} angle", "deg", 180 / np.pi)
+    )
 
 
 def drive_units(case: Case) -> list[str]:

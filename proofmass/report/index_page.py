@@ -39,7 +39,7 @@ from proofmass.report.trend import MIN_REPORTS
 from proofmass.report.words import RUNS, SYMBOLS, case_state, group_by_solver, quantity_kind
 from proofmass.sim.engines import computes_curves, format_solver, is_variant
 from proofmass.verdict.comparison import Comparison
-from proofmass.verdict.grade import Grade, grade_of, worst_not_judged
+from proofmass.verdict.grade import Grade, grade_of, worst_unchecked
 from proofmass.verdict.outcome import (
     CHECKED_OUTCOMES,
     EMPTY_OUTCOMES,
@@ -366,12 +366,10 @@ class IndexCause:
 
 def index_cause(cause: SharedCause, rows: Mapping[str, CaseRow]) -> IndexCause:
     """Return a cause with the pages of its cases."""
-    head = "" if cause.complete else f"{cause.head[:1].upper()}{cause.head[1:]}: "
-    proof = f"{cause.proof[:1].upper()}{cause.proof[1:]}."
     return IndexCause(
-        f"{head}{cause.sentence}",
-        tuple(fault for fault in cause.best.faults if fault.instead),
-        proof,
+        cause.title,
+        cause.written_faults,
+        f"{cause.proof[:1].upper()}{cause.proof[1:]}.",
         tuple((name, rows[name].page) for name in cause.cases if name in rows),
     )
 
@@ -382,11 +380,10 @@ def headline_of(rows: Sequence[CaseRow], causes: Sequence[SharedCause]) -> str:
     cases = f"{count} case{'s' * (count != 1)}"
     if not bad:
         agree = sum(row.state == "good" for row in rows)
-        return (
-            f"{f'All {cases}' if count > 1 else cases} agree{'s' * (count == 1)}"
-            if (agree == count)
-            else f"{agree} of {cases} agree, the others are not checked"
-        )
+        if agree < count:
+            rest = count - agree
+            return f"{agree} of {cases} agree, {rest} {'is' if rest == 1 else 'are'} not checked"
+        return f"All {cases} agree" if count > 1 else f"{cases} agrees"
     alone = causes[0] if len(causes) == 1 else None
     if alone and alone.complete and alone.best.fault and set(bad) <= set(alone.cases):
         return f"One wrong value fails {len(bad)} of {cases}"
@@ -434,7 +431,7 @@ def format_grades(rows: Sequence[CaseRow]) -> str:
 
 def format_unjudged(comparisons: Sequence[Comparison]) -> str:
     """Return the largest error of a curve that is not checked, if a plot shows it."""
-    c = worst_not_judged(comparisons)
+    c = worst_unchecked(comparisons)
     if c is None:
         return ""
     return f"errors up to {format_range_share(c.relative_to_range, 'the')} ({c.case})"
@@ -629,7 +626,7 @@ def failure_remarks(
     """Yield what is wrong with a case: a sentence for each cause, and for each run without one."""
     explained = set[tuple[str, str, str]]()
     for cause in causes:
-        runs = {(d.case, d.run, d.solver) for d in cause.diagnoses if d.case == case.name}
+        runs = cause.runs
         explained |= runs
         own = [c for c in rows if (c.case, c.run, c.solver) in runs]
         if own:

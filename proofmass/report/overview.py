@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 from proofmass.base.wording import number
 from proofmass.report.page import slug
-from proofmass.report.words import RUNS
+from proofmass.report.words import RUNS, START_RATIO
 from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, Outcome
 
@@ -159,7 +159,7 @@ def error_cell(
         note = c["outcome"]
     elif name in judged:
         note = f"allowed {number(c['allowed_share'], 2)}"
-    elif c["later"] is not None and c["share"] > 2 * c["later"]:
+    elif c["later"] is not None and c["share"] > START_RATIO * c["later"]:
         note = "at the start"
     else:
         note = "not checked"

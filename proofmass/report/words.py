@@ -82,6 +82,10 @@ SYMBOLS: dict[str, str] = {
 }
 
 
+START_RATIO = 2.0
+"""Ratio of the largest error to that after a tenth of the run, from which on it is of the start."""
+
+
 def group_by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[Comparison]]:
     """Group the comparisons of one or several runs by their solver."""
     return group_by((c for c in comparisons if c.run in runs), lambda c: c.solver)
@@ -263,7 +267,7 @@ def format_errors(rows: Iterable[Comparison]) -> list[str]:
             max(c.relative_to_range_later for c in own),
         )
         text = f"{format_share(share)}{' of the range' * (not words)} in {kind}"
-        if share >= 2 * later:
+        if share >= START_RATIO * later:
             text += f" at the start, {format_share(later)} after a tenth of the run"
         words.append(text)
     return words

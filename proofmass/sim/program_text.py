@@ -11,15 +11,9 @@ if TYPE_CHECKING:
 @cache
 def load_template(name: str, **filters: Callable[..., str]) -> "Template":
     """A template of a program, with filters; Jinja is imported here, since few runs need it."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from proofmass.base.templates import template_environment
 
-    templates = Environment(
-        loader=PackageLoader("proofmass.sim", "programs"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    templates = template_environment("proofmass.sim", "programs")
     templates.filters.update(filters)
     return templates.get_template(name)
 

@@ -17,7 +17,7 @@ from proofmass.verdict.comparison import Comparison
 from proofmass.verdict.outcome import Outcome
 
 NOTABLE_SHARE = 1e-2
-"""Error of a curve that is not judged, as a share of its range, from which on it is told first: it
+"""Error of a curve that is not checked, as a share of its range, from which on it is told first: it
 is seen in a plot."""
 
 
@@ -44,8 +44,18 @@ class Grade(Enum):
 
     @property
     def blocks(self) -> int:
-        """The number of full blocks of five in a picture of it: 5 for rounding, 1 for coarse."""
-        return len(Grade) - [*Grade].index(self)
+        """The number of full blocks, of `count`, in a picture of it: 1 for the coarsest."""
+        return self.count - [*Grade].index(self)
+
+    @property
+    def count(self) -> int:
+        """The number of grades."""
+        return len(Grade)
+
+    @property
+    def names(self) -> str:
+        """The names of all grades, the coarsest first."""
+        return ", ".join(one.label for one in [*Grade][::-1])
 
     @property
     def close(self) -> bool:
@@ -62,7 +72,7 @@ class Grade(Enum):
         return next((one for one in cls if share <= one.limit), cls.COARSE)
 
 
-def worst_judged(rows: Iterable[Comparison]) -> Comparison | None:
+def worst_agreeing(rows: Iterable[Comparison]) -> Comparison | None:
     """The curve that agrees with the largest error as a share of its range.
 
     None if none agrees, or none that does has a range.
@@ -82,12 +92,12 @@ def grade_of(rows: Iterable[Comparison]) -> Grade | None:
     >>> grade_of([row]).words, grade_of([])
     ('to 1e-3', None)
     """
-    worst = worst_judged(rows)
+    worst = worst_agreeing(rows)
     return Grade.of(worst.relative_to_range) if worst else None
 
 
-def worst_not_judged(rows: Iterable[Comparison]) -> Comparison | None:
-    """The curve that is not judged with the largest error, if it is a `NOTABLE_SHARE` or more."""
+def worst_unchecked(rows: Iterable[Comparison]) -> Comparison | None:
+    """The curve that is not checked with the largest error, if it is a `NOTABLE_SHARE` or more."""
     found = max(
         (
             c

@@ -480,7 +480,7 @@ def test_causes_are_first_on_the_page(fourbar: Case, result: Result, tmp_path: P
         "agree, but 2 that agreed would differ"
     )
     assert panel.lines == (
-        "with it 1e-15 of the error is left; 2 of 3 curves not explained",
+        "with it 1e-15 of the error is left; not c",
         "as good: a twin",
         "line 33",
     )

@@ -10,7 +10,7 @@ from proofmass.batch.check import Result
 from proofmass.formats.junit import as_junit
 from proofmass.formats.terminal import as_json, failure_lines, summary_tables
 from proofmass.verdict.comparison import Comparison
-from proofmass.verdict.grade import Grade, grade_of, worst_not_judged
+from proofmass.verdict.grade import Grade, grade_of, worst_unchecked
 from proofmass.verdict.outcome import Outcome
 
 
@@ -58,9 +58,9 @@ def test_the_grade_of_a_case_is_that_of_its_worst_curve_that_agrees():
 
 def test_an_error_that_is_not_checked_is_told_from_one_per_cent_on():
     rows = [compared(0.67, outcome=Outcome.DIFFERS), compared(0.0099, outcome="unchecked")]
-    assert worst_not_judged(rows) is None
+    assert worst_unchecked(rows) is None
     rows.append(compared(0.011, "rate", "unchecked"))
-    assert worst_not_judged(rows).channel == "rate"
+    assert worst_unchecked(rows).channel == "rate"
     lines = [line.plain for line in failure_lines(Result(comparisons=rows))]
     assert "not checked: errors up to 1.1 % of its range (arm sweep mujoco rate)" in lines
 

@@ -269,17 +269,8 @@ class Diagnosis:
 
     @property
     def details(self) -> list[str]:
-        """Lines on the best cause: the line to copy, what is left, and what else would explain."""
-        best = self.best
-        if best is None:
-            return []
-        rest = [name for name in self.differing if name not in best.explains]
-        found = [line for fault in best.faults for line in fault.diff]
-        found.append(describe_proof([best]) + f"; not {format_list(rest)}" * bool(rest))
-        found += [f"as good: {format_list(best.same)}"] * bool(best.same)
-        if not best.complete and len(self.causes) > 1:
-            found.append(f"next best: {self.causes[1].sentence}")
-        return found if best.complete else [*found, *self.limits]
+        """Lines on the best cause; none without one."""
+        return SharedCause((self,)).details if self.best else []
 
     @property
     def limits(self) -> list[str]:
@@ -356,6 +347,21 @@ class SharedCause:
         return f"{self.head}: {self.sentence}"
 
     @property
+    def title(self) -> str:
+        """The sentence, after "Most likely" if it does not explain all curves."""
+        return self.sentence if self.complete else f"{self.text[:1].upper()}{self.text[1:]}"
+
+    @property
+    def written_faults(self) -> tuple[Fault, ...]:
+        """Its wrong values that a file writes, so that their lines can be shown."""
+        return tuple(fault for fault in self.best.faults if fault.instead)
+
+    @property
+    def runs(self) -> set[tuple[str, str, str]]:
+        """The case, run and solver of each of its runs."""
+        return {(found.case, found.run, found.solver) for found in self.diagnoses}
+
+    @property
     def proof(self) -> str:
         """What the cause leaves of the differences of all its runs, and how exactly it is known."""
         return describe_proof(self.explanations)
@@ -364,10 +370,26 @@ class SharedCause:
     def details(self) -> list[str]:
         """Lines on the cause: the wrong line and the right one, the proof, other explanations."""
         found = [line for fault in self.best.faults for line in fault.diff]
-        rest = sum(one.differing - len(one.explains) for one in self.explanations)
-        found.append(self.proof + f"; {count_curves(rest, rest + 1)} not explained" * bool(rest))
-        found += [f"as good: {format_list(self.best.same)}"] * bool(self.best.same)
-        return [*found, *dict.fromkeys(line for one in self.diagnoses for line in one.remarks)]
+        rest = [
+            name
+            for diagnosis, one in zip(self.diagnoses, self.explanations, strict=True)
+            for name in diagnosis.differing
+            if name not in one.explains
+        ]
+        left = f"; not {format_list(dict.fromkeys(rest))}" if rest else ""
+        found.append(f"{self.proof}{left}")
+        if self.best.same:
+            found.append(f"as good: {format_list(self.best.same)}")
+        if self.complete:
+            return found
+        first = self.diagnoses[0]
+        following = [f"next best: {one.sentence}" for one in first.causes[1:2]]
+        return [*found, *following, *first.limits]
+
+    @property
+    def remarks(self) -> list[str]:
+        """The remarks on its runs, each once."""
+        return list(dict.fromkeys(line for one in self.diagnoses for line in one.remarks))
 
     @property
     def further_remedies(self) -> list[str]:

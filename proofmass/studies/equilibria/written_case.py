@@ -14,7 +14,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment
 
 from proofmass.analytic.numerics import TURN
 from proofmass.analytic.rods.assembly import Assembly
@@ -25,6 +25,7 @@ from proofmass.analytic.rods.rod_assembly import MAX_NUMBERED_RODS, RodAssembly,
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
 from proofmass.base.files import write_output
+from proofmass.base.templates import template_environment
 from proofmass.case.case import RodTable
 from proofmass.sim.engines import default_engines
 from proofmass.sim.protocol.failures import BadRod
@@ -284,7 +285,7 @@ def format_digits(values: list[float]) -> str:
 def render(words: dict[str, Any]) -> dict[str, str]:
     """The texts of a case by the ending of the file."""
     return {
-        ending: environment().get_template(f"assembly.{ending}.jinja").render(words)
+        ending: assembly_templates().get_template(f"assembly.{ending}.jinja").render(words)
         for ending in ("xml", "toml")
     }
 
@@ -301,15 +302,9 @@ def is_closed(text: dict[str, str]) -> bool:
 
 
 @cache
-def environment() -> Environment:
-    """The Jinja environment of the templates, in which unknown names are errors."""
-    found = Environment(
-        loader=PackageLoader("proofmass.studies.equilibria"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+def assembly_templates() -> Environment:
+    """The templates of cases of assemblies, with their filters."""
+    found = template_environment("proofmass.studies.equilibria")
     found.filters["digits"] = format_digits
     found.filters["toml"] = partial(json.dumps, ensure_ascii=False)
     found.filters["comment"] = lambda text: re.sub("--+", "-", text).rstrip("-.")
